@@ -20,7 +20,7 @@ import numpy as np
 import archerfish as af
 from alternating import ROOT
 from archerfish.codegen.decision import Gated, example_decisions
-from archerfish.codegen.export import export
+from archerfish.studies.export import export
 from archerfish.codegen.library import c_decision
 from archerfish.controllers.registry import make_controller
 from archerfish.safety.gate import GateInput, gate, resting_gate

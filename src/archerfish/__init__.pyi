@@ -1,6 +1,5 @@
 # The public names, each in a line of its own: __init__.py reads them here, and loads each when it is used.
 
-from archerfish.codegen.export import export as export
 from archerfish.controllers.policy.policy import Policy as Policy
 from archerfish.errors import InputError as InputError
 from archerfish.evaluation.evaluate import evaluate as evaluate
@@ -22,6 +21,7 @@ from archerfish.records.muzzle import MuzzleRecord as MuzzleRecord
 from archerfish.records.plant import PlantRecord as PlantRecord
 from archerfish.robot import Robot as Robot
 from archerfish.simulation.world import make_world as make_world
+from archerfish.studies.export import export as export
 from archerfish.task import Task as Task
 from archerfish.virtual_robot.virtual_robot import VirtualRobot as VirtualRobot
 

@@ -20,7 +20,6 @@ from archerfish.cli.main import main
 from archerfish.codegen import check, library, trace
 from archerfish.codegen.c99 import print_c
 from archerfish.codegen.decision import ARMING, Decision, Gated, example_decisions, trace_decision
-from archerfish.codegen.export import export
 from archerfish.codegen.library import c_decision
 from archerfish.codegen.onnx import print_onnx
 from archerfish.codegen.trace import Trace, scalars_of, schedule
@@ -32,6 +31,7 @@ from archerfish.protocols import aim
 from archerfish.records.json_files import plain
 from archerfish.safety.gate import GateVerdict, Mode, Reason
 from archerfish.safety.rules import gate_rules
+from archerfish.studies.export import export
 
 PAPER, INFANTRY = af.Robot.paper(), af.Robot.load(Path(__file__).parents[1] / "infantry")
 TASK = af.Task.load("paper")
@@ -75,7 +75,7 @@ def exported(tmp_path_factory):
             path = folder / f"{name.replace('-', '_')}.c"
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(library, "FLAGS", STRICT)
-                patch.setattr("archerfish.codegen.export.c_decision", lambda *_: None)  # compiled once, and kept
+                patch.setattr("archerfish.studies.export.compiled", lambda *_: None)  # compiled once, and kept
                 export(controller if name in POLICIES else name, path, robot, TASK, tuning="start")
                 kept[name] = path, c_decision(path)
         return kept[name]
@@ -228,11 +228,11 @@ def test_a_library_is_armed_once_reset_and_stays_armed_with_a_new_target(exporte
     assert (library.decide(far)[0].reason, shoots()) == (Reason.NONE, 1)
     assert library.decide(far | {"distrusted": np.array(True)})[0][2:] == (Mode.HOLD, Reason.HOLD, Reason.IMPLAUSIBLE)
     assert library.decide(far)[0].mode == Mode.ARMED
-    before = library.memory.copy()
+    before = library.gate
     ahead, _ = library.decide(far | {"angle": given["angle"] + np.float32(0.3)})
     assert (ahead.fire, shoots()) == (1, 0)  # the gimbal is not there yet
-    library.withdraw()
-    assert np.array_equal(library.memory[:12], before[:12])
+    library.gate = before
+    assert str(library.gate) == str(before)
     lost = [library.decide(unseen | {"elapsed": np.float32(0.04)})[0].reason for _ in range(7)]
     assert lost == [0] * 5 + [Reason.PLATE_UNSEEN] * 2  # 0.25 s after the exposure
     library.decide(given)
@@ -271,7 +271,7 @@ def test_absurd_detections_are_unseen_and_leave_the_tracker_as_it_is(exported):
 @gcc
 @pytest.mark.skipif(shutil.which("c++") is None, reason="there is no C++ compiler")
 def test_the_example_in_cpp_hits_and_is_not_linked_with_the_header_of_another_export(tmp_path, monkeypatch):
-    monkeypatch.setattr("archerfish.codegen.export.c_decision", lambda *_: None)
+    monkeypatch.setattr("archerfish.studies.export.compiled", lambda *_: None)
     export("kalman-lq", tmp_path / "policy.c", PAPER, "any", tuning="start")
     shutil.copy(LOOP, tmp_path)
     subprocess.run(["cc", "-std=c99", "-O1", "-c", "policy.c"], cwd=tmp_path, check=True)
@@ -471,7 +471,7 @@ def test_what_can_not_be_exported_is_refused_and_nothing_is_written(tmp_path, re
     near = TASK.replace(command_limit="los-2deg")
     monkeypatch.setattr("archerfish.evaluation.tuning_search.tune", lambda *_: 1 / 0)  # takes minutes, and comes last
     refused("as no robot knows; take gate or box", export, "kalman", tmp_path / "a.c", PAPER, near)
-    monkeypatch.setattr("archerfish.codegen.export.MOST", -1.0)
+    monkeypatch.setattr("archerfish.studies.export.MOST", -1.0)
     if shutil.which("cc"):
         refused("differs by .* rad from NumPy; nothing is written", export, trained, tmp_path / "a.c")
     assert [each.name for each in tmp_path.iterdir()] == ["mine.h"]

@@ -8,9 +8,10 @@ import pytest
 
 from archerfish.controllers.registry import make_controller
 from archerfish.robot import Robot
-from archerfish.runtime.fallback import WithFallback
+from archerfish.runtime.deciders import WithFallback, make_decider
 from archerfish.runtime.pilot import Pilot
 from archerfish.safety.gate import Mode
+from archerfish.safety.rules import GateConfig
 from archerfish.task import Task
 from archerfish.wires import load_wire
 
@@ -51,18 +52,26 @@ class Broken:
         return state, command
 
 
-def run(*faults, controller=None, stopped_s=(), seconds=4.2):
+def decider(controller):
+    return make_decider("own", controller, INFANTRY, TASK, GateConfig())
+
+
+def kalman():
+    return decider(make_controller("kalman", INFANTRY, TASK))
+
+
+def run(*faults, decider=None, stopped_s=(), seconds=4.2):
     """Shoot through bytes; the operator switches off at 3 s and on again at 3.4 s.
 
     Args:
       faults: of the robot.
-      controller: a Kalman filter if not given.
+      decider: a Kalman filter if not given.
       stopped_s: begin and end of a time in which the computer does nothing [s].
       seconds: in all.
     """
     emulator = emulated_robot("infantry", INFANTRY, TASK, ["sp_vision_25"], SwingingPlate(), seed=1, faults=faults)
     emulator._switch_times = SWITCH_S
-    pilot = Pilot(controller or make_controller("kalman", INFANTRY, TASK), INFANTRY, TASK, load_wire("sp_vision_25"))
+    pilot = Pilot(decider or kalman(), INFANTRY, TASK, load_wire("sp_vision_25"))
     rows, waiting = [], []
     for number in range(1, round(seconds / PERIOD_S) + 1):
         waiting += emulator.advance(20)
@@ -75,7 +84,7 @@ def run(*faults, controller=None, stopped_s=(), seconds=4.2):
         waiting = []
         emulator.on_bytes(pilot.tick(1000.0 + time))
         if pilot.verdict is not None:
-            rows.append((time, pilot.verdict.mode[0], pilot.verdict.fire[0]))
+            rows.append((time, int(pilot.verdict.mode), bool(pilot.verdict.fire)))
     time, mode, fire = np.array(rows).T
     return Decided(time, mode, fire > 0, dict(+emulator.monitor.violations))
 
@@ -122,15 +131,15 @@ def test_a_computer_that_stopped_fires_nothing_and_needs_the_switch():
 
 @pytest.mark.parametrize("kind", ["raises", np.nan, 1e9])
 def test_a_broken_controller_is_replaced_without_a_lost_shot(kind):
-    both = WithFallback(Broken(kind), make_controller("kalman", INFANTRY, TASK), 1.0)
-    found = run(controller=both)
+    both = WithFallback(decider(Broken(kind)), kalman(), 1.0)
+    found = run(decider=both)
     assert (found.violations, bool(both.fault)) == ({}, True)
     assert set(found.mode[(found.time > BEGIN_S) & (found.time < 3.0)]) == {Mode.ARMED}
     assert found.fire[(found.time > BEGIN_S) & (found.time < 2.9)].mean() > 0.7
 
 
 def test_a_controller_without_a_number_holds_and_is_a_fault():
-    found = run(controller=Broken(np.nan))
+    found = run(decider=decider(Broken(np.nan)))
     assert found.violations == {}
     assert not found.fire[found.time > BEGIN_S].any()
     assert found.mode[-1] == Mode.FAULT

@@ -1,40 +1,62 @@
 """What stands between a controller and the robot on a real computer: a fallback, and the lines of deploy.toml."""
 
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from archerfish.codegen.decision import FIELDS
+from archerfish.codegen.library import find_compiler
+from archerfish.controllers.registry import make_controller
 from archerfish.errors import InputError
-from archerfish.protocols import Command
+from archerfish.protocols import aim
+from archerfish.robot import Robot
 from archerfish.runtime.configuration import DeployConfig, read_config
-from archerfish.runtime.fallback import WithFallback
+from archerfish.runtime.deciders import WithFallback, make_decider
+from archerfish.safety.gate import Mode
+from archerfish.safety.rules import GateConfig
+from archerfish.task import Task
 
-
-class Seen(NamedTuple):
-    """What a controller sees: the command in force is enough here."""
-
-    command: np.ndarray
-
-
-SEEN = Seen(np.zeros((1, 2)))
+ROBOT, TASK = Robot.load(Path(__file__).parents[1] / "infantry"), Task.load("any")
+GIVEN = {name: np.zeros((size,) * (size > 1), np.float32) for name, size in FIELDS.items()}
+GIVEN |= {"elapsed": np.float32(0.02), "muzzle_speed": np.float32(18.0), "plate": np.float32([3.0, 0.0, 0.0])}
+GIVEN |= {"shots_left": np.float32(9.0), "found": np.array(True), "distrusted": np.array(False)}
 
 
 class Aims:
-    """Commands an angle; fails in its own way from its third decision on."""
+    """Asks for a yaw; fails in its own way from its third decision after the switch went on."""
 
-    def __init__(self, angle, fails=None):
-        self.angle, self.fails = angle, fails
+    def __init__(self, yaw, fails=None):
+        self.yaw, self.fails, self.asked = yaw, fails, 0
 
     def reset(self, seen):
-        return 0
+        if self.fails == "raises at once":
+            raise KeyError("plate")
+        return np.zeros(())
 
-    def step(self, count, seen):
-        failing = count >= 2 and self.fails
+    def step(self, state, seen):
+        self.asked += 1
+        failing = self.asked > ARMED_AFTER + 2 and self.fails
         if failing == "raises":
             raise ZeroDivisionError("by a distance")
-        angle = np.full((1, 2), np.nan if failing == "nan" else self.angle)
-        return count + 1, Command(angle, np.zeros_like(angle), np.array([True]), np.ones(1))
+        return state, aim(np.array([0.0, np.nan if failing == "nan" else self.yaw]))
+
+
+ARMED_AFTER = 30
+"""Decisions before the operator's switch goes on."""
+
+
+def decider(*controller):
+    return make_decider("own", Aims(*controller), ROBOT, TASK, GateConfig())
+
+
+def decided(decider, decisions=7):
+    """Return the signs of the yaw commands after the switch went on, and the modes."""
+    for _ in range(ARMED_AFTER):
+        decider.decide(GIVEN | {"switch_on": np.array(False)})
+    verdicts = [decider.decide(GIVEN | {"switch_on": np.array(True)})[0] for _ in range(decisions)]
+    angles = np.array([0.0, *(verdict.angle[1] for verdict in verdicts)])
+    return np.sign(np.diff(angles)).tolist()[1:], [int(verdict.mode) for verdict in verdicts]
 
 
 FAULTS = {
@@ -46,44 +68,51 @@ FAULTS = {
 
 @pytest.mark.parametrize("kind", FAULTS)
 def test_a_fault_is_answered_in_the_same_decision_and_for_good(kind):
-    steps = [0.001, 0.001, *(3 * [0.03] if kind == "late" else [0.001])]
-    times = iter([time for at, step in enumerate(steps) for time in (at, at + step)])
-    both = WithFallback(Aims(0.1, kind), Aims(0.2), 0.01, lambda: next(times))
-    memory, angles = both.reset(SEEN), []
-    for _ in range(7):
-        memory, command = both.step(memory, SEEN)
-        angles.append(command.angle[0, 0])
-    own = len(steps) - 1
-    assert (angles, both.fault) == (own * [0.1] + (7 - own) * [0.2], FAULTS[kind])
+    slow = {ARMED_AFTER + at for at in (0, 1, 2)} if kind == "late" else {}
+    times = iter([time for at in range(99) for time in (at, at + (0.03 if at in slow else 0.001))])
+    both = WithFallback(decider(0.5, kind), decider(-0.5), 0.01, lambda: next(times))
+    signs, modes = decided(both)
+    # The first of both moves to the left for a decision; then the fallback has it brake, and move to the right.
+    assert (signs[0], signs[-2:], both.fault) == (1.0, [-1.0, -1.0], FAULTS[kind])
+    assert set(modes) == {Mode.ARMED}
 
 
 def test_the_operator_may_choose_the_fallback_and_go_back():
-    both, angles = WithFallback(Aims(0.1), Aims(0.2), 1.0), []
-    memory = both.reset(SEEN)
-    for both.is_fallback_chosen in (False, True, False):
-        memory, command = both.step(memory, SEEN)
-        angles.append(command.angle[0, 0])
-    assert (angles, both.fault) == ([0.1, 0.2, 0.1], "")
+    both = WithFallback(decider(0.5), decider(-0.5), 1.0)
+    for both.is_fallback_chosen, sign in ((False, 1.0), (True, -1.0), (False, 1.0)):
+        signs, _ = decided(both)
+        assert signs[-1] == sign
+    assert both.fault == ""
 
 
 def test_a_controller_that_fails_at_once_is_replaced():
-    class Broken(Aims):
-        def reset(self, seen):
-            raise KeyError("plate")
-
-    both = WithFallback(Broken(0.1), Aims(0.2), 1.0)
-    _, command = both.step(both.reset(SEEN), SEEN)
-    assert (command.angle[0, 0], both.fault) == (0.2, "KeyError: 'plate'")
+    both = WithFallback(decider(0.5, "raises at once"), decider(-0.5), 1.0)
+    assert (decided(both)[0][-1], both.fault) == (-1.0, "KeyError: 'plate'")
 
 
-def test_where_both_fail_there_is_no_command():
-    both = WithFallback(Aims(0.1, "raises"), Aims(0.2, "raises"), 1.0)
-    memory, angles = both.reset(SEEN), []
-    for _ in range(4):
-        memory, command = both.step(memory, SEEN)
-        angles.append(command.angle[0, 0])
-    np.testing.assert_array_equal(angles, [0.1, 0.1, np.nan, np.nan])
-    assert not command.fire.any()
+@pytest.mark.parametrize("alone", [True, False])
+def test_where_all_fail_the_gate_holds_and_is_a_fault_and_the_switch_ends_it(alone):
+    kept = decider(0.5, "raises") if alone else WithFallback(decider(0.5, "raises"), decider(-0.5, "raises"), 1.0)
+    signs, modes = decided(kept, 12)
+    assert modes == [Mode.ARMED] * 2 + [Mode.HOLD] * 4 + [Mode.FAULT] * 6
+    assert (kept.error, signs[-5:]) == ("ZeroDivisionError: by a distance", [0.0] * 5)
+
+
+def test_c_and_numpy_take_a_decision_back_alike():
+    if find_compiler() is None:
+        pytest.skip("no C compiler is at hand")
+    kalman = make_controller("kalman", ROBOT, TASK)
+    in_c, in_numpy = (make_decider("kalman", kalman, ROBOT, TASK, GateConfig(), in_c=in_c) for in_c in (True, False))
+    assert (in_c.language, in_numpy.language) == ("C", "NumPy")
+    for both in (in_c, in_numpy):
+        decided(both)
+        before = both.gate
+        first, _ = both.decide(GIVEN | {"switch_on": np.array(True)})
+        both.gate = before
+        second, _ = both.decide(GIVEN | {"switch_on": np.array(True)})
+        assert first.mode == second.mode == Mode.ARMED
+    for one, other in zip(in_c.gate, in_numpy.gate, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-5)
 
 
 def test_deploy_toml_has_defaults_and_refuses_what_it_does_not_know(tmp_path):

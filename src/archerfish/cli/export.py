@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from archerfish.cli.options import Ending, ForRobot, shown
-from archerfish.codegen.export import export
 from archerfish.controllers.registry import NAMES
 from archerfish.errors import InputError
+from archerfish.studies.export import export
 
 
 @dataclass(frozen=True)

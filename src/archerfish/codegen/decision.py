@@ -29,7 +29,7 @@ UNSEEN_AGE = np.float32(1e6)
 NEAREST_PLATE_M, OLDEST_FRAME_S = 0.1, 1.0
 """A plate that is nearer, or in an older frame, counts as unseen."""
 LONGEST_UNSEEN_S = 1.0
-"""A controller begins again with a plate that comes after a longer time without any."""
+"""After a longer time without a plate the command stands, and the controller begins again with the next plate."""
 LONGEST_PAUSE = 1000
 """A controller begins again after a pause of more decision periods, as after a clock was set."""
 _NEEDED = ("gimbal_age", "muzzle_speed", "base_yaw", "angle", "rate")  # without one of them it does not decide
@@ -69,8 +69,8 @@ class Gated:
     def step(self, state: GatedState, given: Mapping[str, Array]) -> tuple[GatedState, GateVerdict]:
         """Decide from `FIELDS`, shape B or B + (size,).
 
-        Nothing absurd reaches the controller. It begins again with a plate after a long time without any, after a
-        clock was set, and after a command or a memory that is not finite.
+        Nothing absurd reaches the controller. It begins again after a long time without a plate, after a clock was set,
+        and after a command or a memory that is not finite.
         """
         xp = namespace(given["angle"])
         zero = xp.zeros_like(state.waited)
@@ -85,9 +85,10 @@ class Gated:
         frame_age, shots_left = given["frame_age"], given["shots_left"]
         shows = given["found"] & is_usable & (frame_age >= 0.0) & (frame_age <= OLDEST_FRAME_S)
         shows = shows & (xp.sum(plate * plate, axis=-1) >= NEAREST_PLATE_M**2)
-        begins = (state.begins > 0.5) | (shows & (state.plate_age > LONGEST_UNSEEN_S))
+        begins = state.begins > 0.5
         waited = xp.where(begins, zero, state.waited + elapsed)
         age = xp.where(shows, frame_age, state.plate_age + elapsed)
+        is_lost = age > LONGEST_UNSEEN_S
         clean = {name: select(is_usable, given[name], xp.zeros_like(given[name])) for name in _NEEDED}
         clean |= {"elapsed": waited, "found": shows, "frame_age": xp.where(shows, frame_age, zero)}
         clean |= {"shots_left": xp.where(shots_left >= 1.0, shots_left, zero)}
@@ -103,7 +104,7 @@ class Gated:
         arrays = [xp.reshape(array, (*zero.shape, -1)) for array in (asked.angle, *leaves(inner))]
         finite = [xp.all(xp.abs(array) <= _FINITE, axis=-1) for array in arrays]
         is_finite = is_usable & functools.reduce(operator.and_, finite)
-        desired = select(age < UNSEEN_AGE, asked.angle, command)
+        desired = select(is_lost, command, asked.angle)
         inputs = GateInput(
             elapsed=given["elapsed"],
             desired=select(is_finite, desired, xp.full_like(desired, np.nan)),
@@ -117,7 +118,7 @@ class Gated:
             plausible=~given["distrusted"],
         )
         following, verdict = gate(self.rules, state.gate, inputs)
-        forgets = ~runs_on | (is_usable & ~is_finite)
+        forgets = ~runs_on | is_lost | (is_usable & ~is_finite)
         still_begins = forgets | (begins & ~is_usable)
         kept = GatedState(
             gate=following,
@@ -179,6 +180,10 @@ def trace_decision(gated: Gated) -> Decision:
 
 ARMING = 11
 """Decisions of an example before the switch goes on: half a second of good input, at the longest time between them."""
+EXAMPLES = ARMING + 24
+"""Decisions of the self-test of a C file."""
+UNTRACEABLE = (TypeError, ValueError, AttributeError, IndexError)
+"""What controllers raise that can't be traced."""
 
 
 def example_decisions(gated: Gated, count: int, seed: int = 0) -> Iterator[tuple[dict[str, Array], GateVerdict]]:

@@ -4,6 +4,7 @@ import ctypes
 import re
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,26 @@ from typing import Any
 import numpy as np
 
 from archerfish.arrays import Array
-from archerfish.codegen.c99 import prefix
-from archerfish.codegen.decision import FIELDS, GATE_SIZE, TRUTHS
+from archerfish.codegen.c99 import prefix, print_c
+from archerfish.codegen.decision import (
+    EXAMPLES,
+    FIELDS,
+    GATE_SIZE,
+    TRUTHS,
+    UNTRACEABLE,
+    Gated,
+    example_decisions,
+    trace_decision,
+)
 from archerfish.errors import InputError
-from archerfish.safety.gate import GateVerdict
+from archerfish.provenance import code_commit
+from archerfish.robot import Robot
+from archerfish.safety.gate import GateState, GateVerdict
+from archerfish.storage import write_bytes
+from archerfish.task import Task
 
+MARK = "Made by Archerfish"
+"""In every file that this writes: what has it may be replaced."""
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 """What the compiler is asked."""
 
@@ -23,14 +39,15 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 class Library:
     """The decision of a compiled file, with a memory of its own.
 
-    `decide` takes and returns arrays. A loop that may not wait writes into `seen`, calls `step`, and reads `angle` and
-    `codes`.
+    `decide` takes and returns arrays. To make none, write into `seen`, call `step`, read `angle` and `codes`.
 
     Attributes:
       seen: `FIELDS`, each a view of what the next `step` takes, shape (size,); truths are 0 or 1.
       angle: of the verdict: pitch and yaw to send [rad], shape (2,).
       codes: of the verdict: fire, mode, reason and cause, shape (4,).
       memory: numbers that are remembered; those of the gate come first, shape (n,).
+      error: what the controller raised: nothing, in C.
+      language: C.
     """
 
     def __init__(self, source: Path) -> None:
@@ -52,7 +69,7 @@ class Library:
             self.seen[field] = view.view(np.int32) if field in TRUTHS else view
             at += size
         self.angle, self.codes = verdict[:2], verdict[2:].view(np.int32)
-        self._gate_before = self.memory[:GATE_SIZE].copy()
+        self.error, self.language = "", "C"
         self._buffers = numbers, verdict
         self._arguments = [ctypes.c_void_p(each.ctypes.data) for each in (self.memory, numbers, verdict)]
         self._decide, self._reset = loaded[linked[0]], loaded[f"{name}_reset"]
@@ -67,22 +84,32 @@ class Library:
         """Forget the target; the gate's mode stays."""
         self._new_target(self._arguments[0])
 
+    @property
+    def gate(self) -> GateState:
+        """State of the gate after the last decision, shape (); setting it takes a decision back."""
+        numbers = self.memory[:GATE_SIZE].copy()
+        return GateState(numbers[:2], numbers[2:4], *numbers[4:])
+
+    @gate.setter
+    def gate(self, state: GateState) -> None:
+        self.memory[:GATE_SIZE] = np.hstack(state)
+
     def step(self) -> int:
         """Decide; return 0, or 1 where the input is bad."""
-        self._gate_before[:] = self.memory[:GATE_SIZE]
         return int(self._decide(*self._arguments))
 
-    def withdraw(self) -> None:
-        """Let the gate forget the last decision, whose command was not sent; limits count from what was."""
-        self.memory[:GATE_SIZE] = self._gate_before
-
     def decide(self, given: Mapping[str, Array]) -> tuple[GateVerdict, int]:
-        """Decide from `FIELDS`, each of shape () or (size,)."""
+        """Decide from `FIELDS`, each of shape () or (size,); return what `step` does, too."""
         for name, view in self.seen.items():
             view[:] = given[name]
         status = self.step()
         fire, mode, reason, cause = self.codes.tolist()
         return GateVerdict(self.angle.copy(), bool(fire), mode, reason, cause), status
+
+
+def find_compiler() -> str | None:
+    """Return the path of a C compiler, or None."""
+    return next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
 
 
 def c_decision(source: Path) -> Library | None:
@@ -94,10 +121,65 @@ def c_decision(source: Path) -> Library | None:
     Raises:
       InputError: if its self-test fails.
     """
-    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), "cc")
-    words: list[Any] = [compiler, *FLAGS, source, "-o", source.with_suffix(".so"), "-lm"]
+    words: list[Any] = [find_compiler() or "cc", *FLAGS, source, "-o", source.with_suffix(".so"), "-lm"]
     try:
         subprocess.run(words, capture_output=True, check=True)
         return Library(source)
     except (OSError, subprocess.CalledProcessError):
         return None
+
+
+def compiled(files: Mapping[Path, bytes]) -> Library | None:
+    """Compile a source file and its header in a folder that does not stay, and load it; see `c_decision`.
+
+    Args:
+      files: as of `codegen.c99.print_c`.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        for file, text in files.items():
+            write_bytes(Path(folder, file.name), text)
+        [source] = [Path(folder, file.name) for file in files if file.suffix == ".c"]
+        return c_decision(source)
+
+
+def contract(title: str, gated: Gated, robot: Robot, task: Task) -> dict[str, Any]:
+    """Return what a printed file says of itself: for which robot and task it is.
+
+    Args:
+      title: its first line.
+      gated: what decides.
+      robot: whose limits its gate keeps.
+      task: decision period.
+    """
+    return {
+        "title": title,
+        "made": f"{MARK} {code_commit()[:12]}; do not edit.",
+        "period_s": task.period_s,
+        "late_s": float(gated.rules.late),
+        "limits": [float(limit[axis]) for axis in range(2) for limit in gated.rules.limits[:4]],
+        "robot": robot.digest(),
+        "robot_name": robot.name,
+        "stamp_offset_s": robot.sensing.camera.time_offset if robot.sensing else 0.0,
+    }
+
+
+def library_of(name: str, gated: Gated, robot: Robot, task: Task) -> Library | None:
+    """Return a decision in C, loaded; None where no compiler is at hand, or its formulas can't be traced.
+
+    Args:
+      name: of the controller.
+      gated: what decides.
+      robot: whose limits its gate keeps.
+      task: decision period.
+
+    Raises:
+      InputError: if it doesn't decide as in NumPy.
+    """
+    if find_compiler() is None:
+        return None
+    try:
+        decision = trace_decision(gated)
+    except UNTRACEABLE:
+        return None
+    examples = list(example_decisions(gated, EXAMPLES))
+    return compiled(print_c(decision, contract(name, gated, robot, task), Path("decision.c"), examples))

@@ -175,9 +175,10 @@ class RobotLoop:
                 self._plates.clear()
                 self.timing.stalls += 1
             if self._is_new_port:
-                self._is_new_port = False
                 self._bytes.clear()
+                self._unsent.clear()
                 self._pilot.restart()
+                self._is_new_port = False
             self._take()
             if self._unsent:
                 with contextlib.suppress(IndexError):  # the writer may take it just now
@@ -221,7 +222,8 @@ class RobotLoop:
             port = self._port
             try:
                 if port is None:
-                    self._port, self._is_new_port = self._open(), True
+                    self._is_new_port = True  # before the port is there: no command of before is sent to it
+                    self._port = self._open()
                 elif data := port.read():
                     self._bytes.append(_Arrival(_clock(), data))
             except Exception:  # noqa: BLE001: whatever a driver raises, the port has gone
@@ -246,7 +248,7 @@ class RobotLoop:
             port = self._port
             with contextlib.suppress(Exception):  # the reader sees that the port has gone
                 frame = self._unsent.popleft()
-                if port is not None:
+                if port is not None and not self._is_new_port:
                     port.write(frame)
 
 

@@ -7,26 +7,26 @@ from collections import Counter, deque
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from archerfish.arrays import single_precision
+from archerfish.dynamics.linear_axis import advance
 from archerfish.dynamics.muzzle import direction
 from archerfish.errors import InputError
 from archerfish.messages import Detections, Feedback, Numbers
-from archerfish.protocols import Barrel, Command, Controller
 from archerfish.robot import Robot
+from archerfish.runtime.deciders import Decider
 from archerfish.runtime.detections import CameraFrame, camera_frames
-from archerfish.safety.gate import GateInput, GateState, GateVerdict, Mode, Reason, gate, resting_gate
+from archerfish.safety.gate import GateState, GateVerdict, Mode, Reason
 from archerfish.safety.plausibility import (
     THRESHOLD_RAD,
     Prediction,
     compare_with_prediction,
     resting_prediction,
 )
-from archerfish.safety.rules import GateConfig, gate_rules
 from archerfish.task import Task
 from archerfish.tracking.clock_offset import ClockOffset
-from archerfish.tracking.detections import GUESS_AGE_S, GUESS_DISTANCE_M
-from archerfish.tracking.host import Host, SeenPlate, new_host, seen_by, with_messages
+from archerfish.tracking.detections import GUESS_DISTANCE_M
+from archerfish.tracking.host import Host, SeenPlate, new_host, with_messages
 from archerfish.wires import Stream, Wire
 from archerfish.wires.stream import WireFrame
 from archerfish.wires.wire import TableWire, WireCommand, WireReports, in_range
@@ -35,6 +35,7 @@ _UNLIMITED = 1e6  # shots, without a referee
 _MOST = 512  # messages between decisions; of more, the oldest are lost
 _LONGEST_DATAGRAM = 4096  # bytes
 _NEAREST_M = 0.1  # a plate that is nearer is none
+_MOST_PREDICTED = 50  # periods without a decision that the prediction goes on through
 
 
 class Pilot:
@@ -42,28 +43,26 @@ class Pilot:
 
     def __init__(
         self,
-        controller: Controller,
+        decider: Decider,
         robot: Robot,
         task: Task,
         wire: Wire,
         *,
         camera_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
         latency_s: float | None = None,
-        config: GateConfig | None = None,
     ) -> None:
         """Begin without messages.
 
         Args:
-          controller: built for robot and task.
+          decider: built for robot and task.
           robot: its records; the camera's latency is needed, that of the link is zero where it was not measured.
           task: decision period and command limit.
           wire: to the microcontroller.
           camera_m: where the camera is from the pivot, along the gimbal's axes [m].
           latency_s: mean time from an exposure to the receipt of its detections; that of the records if not given [s].
-          config: what the gate allows less than the records.
 
         Raises:
-          InputError: if the records have no latency of the camera, or the task limits commands by the target's place.
+          InputError: if the records have no latency of the camera.
         """
         if isinstance(wire, TableWire):
             wire.check_complete()
@@ -77,9 +76,8 @@ class Pilot:
         """The last one of the gate."""
         self.muzzle_speed = np.nan
         """Measured last [m/s]."""
-        self._controller, self._wire = controller, wire
-        self._rules, self._period = gate_rules(robot, task, config), task.period_s
-        self._expected_speed = np.asarray(robot.muzzle_model().speed).reshape(1)
+        self._decider, self._wire, self._period = decider, wire, task.period_s
+        self._expected_speed = float(robot.muzzle_model().speed)
         self._latency = camera_latency(robot) if latency_s is None else latency_s
         self._feedback_latency = (robot.sensing.link.feedback_latency if robot.sensing else None) or 0.0
         self._camera, self._gimbal = np.array(camera_m), robot.gimbal(task.period_s)
@@ -96,10 +94,9 @@ class Pilot:
         self._reported_shots_left = np.nan
         self._plate_in_world: SeenPlate | None = None
         self._host: Host | None = None
-        self._state: Any = None
-        self._decided_s, self._gated_s = -np.inf, -np.inf
-        self._gate: GateState | None = None
-        self._gate_before: tuple[float, GateState | None] = -np.inf, None  # the last decision
+        self._decider.reset()
+        self._decided_s = -np.inf
+        self._gate_before: GateState | None = None  # the last decision, until that is taken back
         self._prediction: Prediction | None = None
         self._raw_yaw = 0.0
 
@@ -141,78 +138,79 @@ class Pilot:
         host = self._with_messages(now)
         if host is None:
             return b""
-        measured = single_precision(host.reports.angle[:, -1])
-        state = resting_gate(measured) if self._gate is None else self._gate
         self.counts["decisions"] += 1
-        verdict = self._through_gate(now, host, state, self._asked(now, host, state.command))
-        is_controlled = self.switch and bool(verdict.mode[0] != Mode.DISARMED)
-        return self._encoded(verdict.angle, is_controlled, bool(verdict.fire[0]))
-
-    def _asked(self, now: float, host: Host, command: Numbers) -> Command:
-        """Return what the controller asks for; without a plate of late, the command in force, and no shot."""
-        if now - host.plate.exposed_s[0] > GUESS_AGE_S:
-            self._state = None
-            return Command(command, np.zeros_like(command), np.zeros(1, bool), np.full(1, np.nan))
-        is_first = self._state is None
-        barrel = Barrel(self._expected_speed, np.array([self._shots_left]))
-        seen = seen_by(host, now, 0.0 if is_first else now - self._decided_s, command, barrel)
-        if is_first:
-            self._state = self._controller.reset(seen)
-        self._state, asked = self._controller.step(self._state, seen)
-        self._decided_s = now
-        if not np.all(np.isfinite(np.asarray(asked.angle))):  # its memory may hold no numbers any more
-            self._state = None
-        return asked
+        gate_before, elapsed = self._decider.gate, self._elapsed(now)
+        given = self._given(now, elapsed, host, gate_before)
+        self.verdict, _ = self._decider.decide(given)
+        self._decided_s, self._gate_before = now, gate_before
+        self._shots_left -= float(self.verdict.fire)
+        reason = Reason(int(self.verdict.reason))
+        self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
+        is_controlled = self.switch and int(self.verdict.mode) != Mode.DISARMED
+        return self._encoded(self.verdict.angle, is_controlled, bool(self.verdict.fire))
 
     def withdraw(self) -> None:
-        """Forget that the last command was sent: it was not, and limits count from what was."""
-        self._gated_s, self._gate = self._gate_before
+        """Take the last decision back: its command was not sent, and limits count from what was.
+
+        The controller keeps what it has seen, and the prediction of the gimbal what has been in force till then.
+        """
+        if self._gate_before is not None and self.verdict is not None:
+            self._shots_left += float(self.verdict.fire)
+            self._decider.gate, self._gate_before = self._gate_before, None
 
     def last_frame(self) -> bytes:
         """Return bytes that end the fire and let the gimbal go; nothing before the first report. It never fails."""
-        if self._gate is None or self.verdict is None:
+        if self._host is None or self.verdict is None:
             return b""
-        is_controlled = self.switch and bool(self.verdict.mode[0] != Mode.DISARMED)
-        held = self._encoded(self._gate.command, True, False) if is_controlled else b""
-        return held + self._encoded(self._gate.command, False, False)
+        command = self._decider.gate.command
+        is_controlled = self.switch and int(self.verdict.mode) != Mode.DISARMED
+        held = self._encoded(command, True, False) if is_controlled else b""
+        return held + self._encoded(command, False, False)
 
     @property
     def state_text(self) -> str:
         """What the gate does, and why it is not armed."""
         if self.verdict is None:
             return "waiting for the first report"
-        mode, cause = Mode(int(self.verdict.mode[0])), Reason(int(self.verdict.cause[0]))
+        mode, cause = Mode(int(self.verdict.mode)), Reason(int(self.verdict.cause))
         state = f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
-        fault = getattr(self._controller, "fault", "")
+        fault = getattr(self._decider, "fault", "")
         return f"{state}; the fallback decides: {fault}" if fault else state
 
-    def _through_gate(self, now: float, host: Host, state: GateState, asked: Command) -> GateVerdict:
-        """Return what is sent of what a controller asks for."""
-        angle, age = single_precision((host.reports.angle[:, -1], now - host.reports.sampled_s[:, -1]))
-        is_sent = state.mode != Mode.DISARMED
+    def _elapsed(self, now: float) -> float:
+        """Return the time since the last decision, a period before the first one [s]."""
+        return now - self._decided_s if np.isfinite(self._decided_s) else self._period
+
+    def _given(self, now: float, elapsed: float, host: Host, gate: GateState) -> dict[str, Any]:
+        """Return what a decision gets: `codegen.decision.FIELDS`, in float32."""
+        reports, plate, is_new = host.reports, host.plate, bool(host.plate.is_new[0])
+        age = now - reports.sampled_s[0, -1]
+        numbers = {
+            "elapsed": elapsed,
+            "gimbal_age": age,
+            "frame_age": now - plate.exposed_s[0] if is_new else 0.0,
+            "muzzle_speed": self._expected_speed,
+            "base_yaw": 0.0,
+            "shots_left": self._shots_left,
+            "angle": reports.angle[0, -1],
+            "rate": reports.rate[0],
+            "plate": plate.position[0] if is_new else np.zeros(3),
+        }
+        given: dict[str, Any] = {name: np.asarray(number, np.float32) for name, number in numbers.items()}
+        distrusted = ~self._plausible(elapsed, gate, given["angle"], given["gimbal_age"])
+        return given | {"found": np.asarray(is_new), "switch_on": np.asarray(self.switch), "distrusted": distrusted}
+
+    def _plausible(self, elapsed: float, gate: GateState, angle: Numbers, age: Numbers) -> NDArray[np.bool_]:
+        """Return whether the feedback is what the plant does with the commands in force, shape ()."""
         past = self._prediction or resting_prediction(self._gimbal, angle)
+        for _ in range(min(round(elapsed / self._period), _MOST_PREDICTED) - 1):  # decisions that were left out
+            past = past._replace(plant=advance(self._gimbal, past.plant, gate.command))
+        is_sent = np.asarray(gate.mode != Mode.DISARMED)
+        threshold = np.float32(THRESHOLD_RAD)
         self._prediction, plausible = compare_with_prediction(
-            self._gimbal, np.float32(THRESHOLD_RAD), past, state.command, is_sent, angle, age
+            self._gimbal, threshold, past, gate.command, is_sent, angle, age
         )
-        given = GateInput(
-            elapsed=np.array([now - self._gated_s if np.isfinite(self._gated_s) else self._period]),
-            desired=np.asarray(asked.angle),
-            fire=np.asarray(asked.fire, bool),
-            switch_on=np.array([self.switch]),
-            angle=angle,
-            feedback_age=age,
-            plate_age=now - host.plate.exposed_s,
-            base_yaw=np.zeros(1),
-            shots_left=np.array([self._shots_left]),
-            plausible=plausible,
-        )
-        self._gate_before = self._gated_s, state
-        self._gate, self.verdict = gate(self._rules, state, single_precision(given))
-        self._gated_s = now
-        self._shots_left -= float(self.verdict.fire[0])
-        reason = Reason(int(self.verdict.reason[0]))
-        self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
-        return self.verdict
+        return np.asarray(plausible)
 
     def _encoded(self, angle: Numbers, control: bool, fire: bool) -> bytes:
         """Return the frame of a command, whose yaw is in the turn of the last report.
@@ -221,7 +219,7 @@ class Pilot:
         """
         yaw = float(self._host.reports.angle[0, -1, 1]) if self._host is not None else 0.0
         turns = np.rint((yaw - self._raw_yaw) / (2.0 * np.pi))
-        on_wire = angle[0].astype(np.float64) - [0.0, 2.0 * np.pi * turns]
+        on_wire = np.asarray(angle, np.float64) - [0.0, 2.0 * np.pi * turns]
         try:
             return self._wire.encode(WireCommand(on_wire, control, fire))
         except InputError:

@@ -1,5 +1,6 @@
 """A controller on the robot's computer: the wire's port, the camera's datagrams, and deadlines, until it is stopped."""
 
+import math
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,16 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from archerfish.codegen.export import for_robot
+from archerfish.controllers.registry import ControllerLike
 from archerfish.controllers.tuning import TuningLike
 from archerfish.errors import InputError
 from archerfish.reports.report import Report, Reported
 from archerfish.reports.table import Table
 from archerfish.robot import Robot
 from archerfish.runtime.configuration import DeployConfig
-from archerfish.runtime.fallback import WithFallback
+from archerfish.runtime.deciders import Decider, WithFallback, make_decider
 from archerfish.runtime.loop import RobotLoop, Timing
 from archerfish.runtime.pilot import Pilot, camera_latency
+from archerfish.studies.export import for_robot
 from archerfish.task import Task
 from archerfish.wires import load_wire
 from archerfish.wires.transports import DatagramPort, SerialPort
@@ -38,6 +40,7 @@ class Deployment(Reported):
     counts: dict[str, int]  # messages and decisions by what became of them
     fault: str  # of the controller, which the fallback has replaced since; empty without
     muzzle_speeds: tuple[float, float]  # measured last, or NaN, and that of the records [m/s]
+    language: str  # in which it decided: C, NumPy, or both
 
     @property
     def report(self) -> Report:
@@ -47,6 +50,11 @@ class Deployment(Reported):
         if not self.timing.is_realtime:
             doubts.append(
                 "The system gave no priority (SCHED_FIFO) and no locked memory: other programs delay decisions."
+            )
+        if self.language != "C":
+            doubts.append(
+                "A decision in NumPy takes many times as long as in C: install a C compiler; docs/export.md says which "
+                "controllers can be in C."
             )
         if self.timing.lost:
             doubts.append(f"{self.port} went away {self.timing.lost} times.")
@@ -61,7 +69,7 @@ class Deployment(Reported):
             )
         return Report(
             title=f"{self.controller} on {self.robot} through {self.port}",
-            headline=f"{decisions} decisions, {missed} deadlines missed",
+            headline=f"{decisions} decisions in {self.language}, {missed} deadlines missed",
             doubts=tuple(doubts),
             tables=(
                 self.timing.table(),
@@ -79,6 +87,7 @@ def deploy(
     port: str = "",
     seconds: float = float("inf"),
     tuning: TuningLike = "kept",
+    in_c: bool = True,
     watch: Callable[[Pilot], bool] = lambda _: False,
 ) -> Deployment:
     """Run a controller on the robot until it is stopped.
@@ -93,6 +102,7 @@ def deploy(
       port: that of the configuration if it is empty.
       seconds: after which it ends by itself [s].
       tuning: as `export` takes it.
+      in_c: whether it decides in C, where a compiler is at hand and the controller's formulas can be traced.
       watch: called before each decision; ends it where it returns true.
 
     Raises:
@@ -105,12 +115,9 @@ def deploy(
         )
     latency_ms, wire = config.detections.latency_ms, load_wire(*config.wires)
     latency_s = camera_latency(robot) if latency_ms is None else 1e-3 * latency_ms  # before minutes of a search
-    name, made, task = for_robot(controller or config.controller.mode or "kalman", robot, task, tuning)
-    if config.controller.fallback != name:
-        _, fallback, _ = for_robot(config.controller.fallback, robot, task, tuning)
-        made = WithFallback(made, fallback, _LONGEST * task.period_s)
-    camera_m = config.detections.position_m
-    pilot = Pilot(made, robot, task, wire, camera_m=camera_m, latency_s=latency_s, config=config.gate)
+    controller = controller or config.controller.mode or "kalman"
+    name, decider, task = decider_of(controller, robot, task, config, tuning, in_c=in_c)
+    pilot = Pilot(decider, robot, task, wire, camera_m=config.detections.position_m, latency_s=latency_s)
     datagrams = DatagramPort(config.detections.address)
     try:
         with _stop_flag() as is_stopped:
@@ -119,7 +126,42 @@ def deploy(
     finally:
         datagrams.close()
     speeds = float(pilot.muzzle_speed), float(np.asarray(robot.muzzle_model().speed))
-    return Deployment(robot.name, name, port, timing, dict(pilot.counts), getattr(made, "fault", ""), speeds)
+    fault = getattr(decider, "fault", "")
+    return Deployment(robot.name, name, port, timing, dict(pilot.counts), fault, speeds, decider.language)
+
+
+def decider_of(
+    controller: ControllerLike,
+    robot: Robot,
+    task: Task,
+    config: DeployConfig,
+    tuning: TuningLike,
+    *,
+    in_c: bool,
+    is_timed: bool = True,
+) -> tuple[str, Decider, Task]:
+    """Return the name of a controller, the controller behind the gate with its fallback, and the task.
+
+    Args:
+      controller: as `export` takes it.
+      robot: its records.
+      task: decision period and limits; a policy has those of its training.
+      config: has fallback and gate.
+      tuning: as `export` takes it.
+      in_c: whether they decide in C, where that is possible.
+      is_timed: whether a controller that is late is replaced by the fallback.
+
+    Raises:
+      InputError: as of `for_robot` and `make_decider`.
+    """
+    name, made, task = for_robot(controller, robot, task, tuning)
+    first = make_decider(name, made, robot, task, config.gate, in_c=in_c)
+    other = config.controller.fallback
+    if other in ("", name):
+        return name, first, task
+    _, made, _ = for_robot(other, robot, task, tuning)
+    fallback = make_decider(other, made, robot, task, config.gate, in_c=in_c)
+    return name, WithFallback(first, fallback, _LONGEST * task.period_s if is_timed else math.inf), task
 
 
 @contextmanager

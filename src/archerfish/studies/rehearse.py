@@ -8,7 +8,6 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from msgspec import Meta
 
-from archerfish.codegen.export import for_robot
 from archerfish.controllers.registry import ControllerLike
 from archerfish.controllers.tuning import TuningLike
 from archerfish.errors import InputError, checked_arguments
@@ -21,8 +20,8 @@ from archerfish.reports.report import Report
 from archerfish.reports.table import Estimate, Table, entry_texts
 from archerfish.robot import Robot, RobotLike
 from archerfish.runtime.configuration import DeployConfig
-from archerfish.runtime.fallback import WithFallback
 from archerfish.runtime.pilot import Pilot, camera_latency
+from archerfish.studies.deploy import decider_of
 from archerfish.task import Task, TaskLike
 from archerfish.virtual_robot.description import TICK_S
 from archerfish.virtual_robot.emulator import Emulator, Fault
@@ -130,6 +129,7 @@ def rehearse(
     seed: int = 0,
     target: SwingingPlate | None = None,
     tuning: TuningLike = "kept",
+    in_c: bool = False,
 ) -> Rehearsal:
     """Let a controller shoot with a virtual robot as on a robot: bytes in, bytes out, in virtual time.
 
@@ -144,6 +144,7 @@ def rehearse(
       seed: of the robot's noise and of the dispersion.
       target: the plate; one that swings by 0.4 m at 3 m, 0.25 Hz, if not given.
       tuning: as `export` takes it.
+      in_c: whether it decides in C, as `deploy` does, where a compiler is at hand.
 
     Raises:
       InputError: if an argument can't be used, or the records lack the latency of the camera.
@@ -153,12 +154,9 @@ def rehearse(
     virtual = virtual if isinstance(virtual, VirtualRobot) else VirtualRobot.load(virtual)
     robot, target = Robot.of(robot), target or SwingingPlate()
     camera_latency(robot)  # before minutes of a search
-    name, made, task = for_robot(controller, robot, Task.of(task), tuning)
     wires, config = [wire] if isinstance(wire, str | Path) else [*wire], config or DeployConfig()
-    fallback = config.controller.fallback
-    if fallback and fallback != name:
-        made = WithFallback(made, for_robot(fallback, robot, task, tuning)[1], math.inf)
-    pilot = Pilot(made, robot, task, load_wire(*wires), camera_m=config.detections.position_m, config=config.gate)
+    name, decider, task = decider_of(controller, robot, Task.of(task), config, tuning, in_c=in_c, is_timed=False)
+    pilot = Pilot(decider, robot, task, load_wire(*wires), camera_m=config.detections.position_m)
     emulator = emulated_robot(virtual, robot, task, wires, target, seed=seed)
     with bar("rehearsing", seconds, "seconds") as advance:
         while emulator.time < COUNTED_FROM_S + seconds:
@@ -181,7 +179,7 @@ def rehearse(
         fired=tuple(np.bincount(second[counted], minlength=seconds).tolist()),
         messages=dict(pilot.counts),
         violations=dict(+emulator.monitor.violations),
-        fault=getattr(made, "fault", ""),
+        fault=getattr(decider, "fault", ""),
     )
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations  # so that help() names the types, rather than what they stand for
 
-import tempfile
 from pathlib import Path
 from typing import Any
 
 from archerfish.codegen.c99 import print_c
 from archerfish.codegen.check import DIFFERENCE, SHARE, compared, onnx_decision
-from archerfish.codegen.decision import ARMING, Gated, example_decisions, trace_decision
-from archerfish.codegen.library import c_decision
+from archerfish.codegen.decision import EXAMPLES, UNTRACEABLE, Gated, example_decisions, trace_decision
+from archerfish.codegen.library import MARK, compiled, contract
 from archerfish.codegen.onnx import print_onnx
 from archerfish.controllers.policy.policy import Policy
 from archerfish.controllers.registry import ControllerLike, load_controller, make_controller
@@ -17,7 +16,6 @@ from archerfish.controllers.tuning import TuningLike
 from archerfish.errors import InputError, checked_arguments, file_error
 from archerfish.evaluation.contenders import as_contenders
 from archerfish.evaluation.tuning_search import settings
-from archerfish.provenance import code_commit
 from archerfish.reports.report import Report
 from archerfish.reports.table import Table
 from archerfish.robot import Robot, RobotLike
@@ -25,14 +23,11 @@ from archerfish.safety.rules import gate_rules
 from archerfish.storage import check_regular, write_bytes
 from archerfish.task import Task, TaskLike
 
-MARK = "Made by Archerfish"
-"""In every file that this writes: what has it may be replaced."""
 MOST = 1.0
 """Share of the decisions that may differ by more than rounding, where a choice between hypotheses turns [%]."""
 C_HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdalign stdarg
 stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath threads time uchar wchar wctype"""
 """Headers of C11, whose names a compiler may look for among the caller's files first."""
-EXAMPLES = ARMING + 24  # decisions of the self-test
 UNCHECKED = "To compare it, install a C compiler or ONNX Runtime; a C file's self-test does the same on the robot."
 
 
@@ -78,31 +73,18 @@ def export(
             raise file_error(target, "was not written by export", "name another file, or remove it")
     robot = Robot.of(robot)
     name, made, task = for_robot(controller, robot, Task.of(task), tuning)
-    rules = gate_rules(robot, task)
-    gated = Gated(made, rules)
+    gated = Gated(made, gate_rules(robot, task))
     try:
         decision = trace_decision(gated)
-    except (TypeError, ValueError, AttributeError, IndexError) as error:
+    except UNTRACEABLE as error:
         raise InputError(f"{name} can't be exported: {error}; see docs/export.md") from error
     settled = "before tuning" if tuning == "start" and not isinstance(made, Policy) else f"for the task {task.name}"
-    content = {
-        "title": f"{name}: a decision every {1e3 * task.period_s:g} ms for the robot {robot.name}, "
-        f"settings {settled}, limit {task.command_limit}",
-        "made": f"{MARK} {code_commit()[:12]}; do not edit.",
-        "period_s": task.period_s,
-        "late_s": float(rules.late),
-        "limits": [float(each[axis]) for axis in range(2) for each in rules.limits[:4]],
-        "robot": robot.digest(),
-        "robot_name": robot.name,
-        "stamp_offset_s": robot.sensing.camera.time_offset if robot.sensing else 0.0,
-    }
+    title = f"{name}: a decision every {1e3 * task.period_s:g} ms for the robot {robot.name}, "
+    content = contract(f"{title}settings {settled}, limit {task.command_limit}", gated, robot, task)
     if path.suffix == ".c":
         files = print_c(decision, content, path, list(example_decisions(gated, EXAMPLES)))
-        with tempfile.TemporaryDirectory() as folder:
-            for each, text in files.items():
-                write_bytes(Path(folder, each.name), text)
-            library = c_decision(Path(folder, path.name))
-            checked = compared(library.decide if library else None, gated)
+        library = compiled(files)
+        checked = compared(library.decide if library else None, gated)
     else:
         files = {path: print_onnx(decision, content)}
         checked = compared(onnx_decision(files[path]), gated)
