@@ -20,11 +20,11 @@ import numpy as np
 import archerfish as af
 from alternating import ROOT
 from archerfish.codegen.decision import Gated, example_decisions
-from archerfish.studies.export import export
 from archerfish.codegen.library import c_decision
 from archerfish.controllers.registry import make_controller
 from archerfish.safety.gate import GateInput, gate, resting_gate
 from archerfish.safety.rules import gate_rules
+from archerfish.studies.export import export
 
 BATCH, DECISIONS = 20_000, 50
 

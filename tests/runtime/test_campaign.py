@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from archerfish.codegen.library import find_compiler
 from archerfish.controllers.registry import make_controller
 from archerfish.robot import Robot
 from archerfish.runtime.deciders import WithFallback, make_decider
@@ -143,3 +144,32 @@ def test_a_controller_without_a_number_holds_and_is_a_fault():
     assert found.violations == {}
     assert not found.fire[found.time > BEGIN_S].any()
     assert found.mode[-1] == Mode.FAULT
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler is at hand")
+@pytest.mark.parametrize(
+    ("wire", "fault"), [("sp_vision_25", "silence"), ("sp_vision_25", "flip"), ("roborts", "burst")]
+)
+def test_c_sends_what_numpy_sends(wire, fault):
+    kalman = make_controller("kalman", INFANTRY, TASK)
+    pilots = [
+        Pilot(make_decider("kalman", kalman, INFANTRY, TASK, GateConfig(), in_c=in_c), INFANTRY, TASK, load_wire(wire))
+        for in_c in (True, False)
+    ]
+    faults = [Fault(fault, BEGIN_S, 2.2)]
+    emulator = emulated_robot("infantry", INFANTRY, TASK, [wire], SwingingPlate(), seed=1, faults=faults)
+    sent = []
+    for number in range(1, round(3.0 / PERIOD_S)):
+        arrivals = emulator.advance(20)
+        for pilot in pilots:
+            pilot.switch = pilot.switch if emulator.has_switch else emulator.is_switch_on
+            for arrival in arrivals:
+                take = pilot.on_datagram if arrival.is_datagram else pilot.on_bytes
+                take(1000.0 + arrival.time_s, arrival.data)
+        sent.append([pilot.tick(1000.0 + number * PERIOD_S) for pilot in pilots])
+        emulator.on_bytes(sent[-1][0])
+        one, other = (pilot.verdict for pilot in pilots)
+        assert [float(code) for code in one[1:]] == [float(code) for code in other[1:]]
+        np.testing.assert_allclose(one.angle, other.angle, atol=1e-6)
+    differing = sum(one != other for one, other in sent)
+    assert differing == 0 if wire == "roborts" else differing < len(sent)  # a float32 shows the last place

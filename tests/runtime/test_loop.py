@@ -1,15 +1,20 @@
 """Ports, threads and deadlines; nothing here asserts how late they are."""
 
 import os
+import signal
 import socket
+import sys
 import threading
 import time
 import tty
 
+import numpy as np
 import pytest
 
+from archerfish.cli.deploy import StateDisplay
 from archerfish.errors import InputError
 from archerfish.runtime.loop import Durations, RobotLoop
+from archerfish.studies.deploy import stop_flag
 from archerfish.wires.transports import DatagramPort, SerialPort
 
 pytest.importorskip("serial", reason="pyserial is not installed")
@@ -163,6 +168,96 @@ def test_a_port_that_has_gone_is_opened_again(camera):
     assert (timing.lost, b"late" in pilot.received) == (1, True)
     assert os.read(terminals[-1].robot, 10_000).endswith(b"end")
     terminals[-1].close()
+
+
+class Epochs(Recorder):
+    """Sends how often it was restarted."""
+
+    epoch = 0
+
+    def tick(self, now):
+        self.decisions += 1
+        return b"%d" % self.epoch
+
+    def restart(self):
+        self.epoch += 1
+
+
+class FailingPort(SlowPort):
+    """A line whose driver fails in some way at its fifteenth read."""
+
+    reads = 0
+
+    def read(self):
+        self.reads += 1
+        if self.reads == 15:
+            raise TypeError("in the driver")
+        return super().read()
+
+    def write(self, data):
+        self.written.append(data)
+
+
+def test_whatever_a_driver_raises_the_port_is_opened_again_and_gets_no_command_of_before(camera):
+    pilot, ports = Epochs(), []
+
+    def open_port():
+        ports.append(FailingPort() if len(ports) < 2 else SlowPort())
+        return ports[-1]
+
+    timing = RobotLoop(pilot, open_port, camera, PERIOD_S).run(lambda: len(ports) == 3 and len(ports[2].written) > 3, 9)
+    assert (timing.lost, pilot.epoch) == (2, 2)
+    assert [set(port.written) - {b"end"} for port in ports] == [{b"0"}, {b"1"}, {b"2"}]
+
+
+def test_after_a_stall_what_arrived_meanwhile_is_discarded(camera):
+    class Full(SlowPort):
+        def read(self):
+            time.sleep(0.001)
+            return b"x"
+
+    pilot, seen = Recorder(), []
+
+    def is_stopped():
+        seen.append(len(pilot.received))
+        if pilot.decisions == 3:  # the computer stands still
+            time.sleep(0.2)
+        return pilot.decisions >= 5
+
+    timing = RobotLoop(pilot, Full, camera, PERIOD_S).run(is_stopped)
+    assert timing.stalls == 1
+    assert np.diff(seen).max() < 60  # of some hundred
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP"])
+def test_a_signal_to_stop_sets_a_flag_alone(name):
+    number = getattr(signal, name)
+    before = signal.getsignal(number)
+    with stop_flag() as is_stopped:
+        assert not is_stopped()
+        os.kill(os.getpid(), number)
+        assert is_stopped()
+    assert signal.getsignal(number) == before
+
+
+def test_a_terminal_that_stands_still_does_not_keep_the_loop(monkeypatch):
+    class Stopped:
+        def write(self, text):
+            threading.Event().wait()
+
+    class Talkative(Recorder):
+        verdict, has_switch = None, True
+
+        @property
+        def state_text(self):
+            self.decisions += 1
+            return f"state {self.decisions}"
+
+    monkeypatch.setattr(sys, "stderr", Stopped())
+    watch, pilot, begun = StateDisplay(), Talkative(), time.monotonic()
+    for _ in range(50):
+        assert not watch(pilot)
+    assert time.monotonic() - begun < 5.0
 
 
 def test_a_port_has_one_user(terminal, camera):

@@ -38,6 +38,8 @@ class Deploy(ForRobot):
     """A policy, or a name of archerfish evaluate; that of deploy.toml, else ROBOT/policy if there is one, or kalman."""
     seconds: float = float("inf")
     """After which it ends by itself."""
+    numpy: bool = False
+    """Decide in NumPy even where a C compiler is at hand."""
     tuning: Annotated[Literal["kept", "start"], shown("kept|start", "(default: kept)")] = "kept"
     """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
     where the search begins."""
@@ -48,15 +50,22 @@ class Deploy(ForRobot):
         robot, task = self.robot_and_task()
         config = read_config(self.folder)
         controller = self.robot_controller(self.controller or config.controller.mode)
-        watch = _Watch()
         deployment = deploy(
-            controller, robot, task, config, port=self.port, seconds=self.seconds, tuning=self.tuning, watch=watch
+            controller,
+            robot,
+            task,
+            config,
+            port=self.port,
+            seconds=self.seconds,
+            tuning=self.tuning,
+            in_c=not self.numpy,
+            watch=StateDisplay(),
         )
         has_file = self.folder is not None and (self.folder / FILE).exists()
         return Ending(f"{deployment}", f"settings: {self.folder / FILE if has_file and self.folder else 'defaults'}")
 
 
-class _Watch:
+class StateDisplay:
     """Shows the state of the pilot where it has changed, and lets Enter be the switch of a wire without one.
 
     A thread of its own prints: a terminal that is stopped keeps the one that writes to it.

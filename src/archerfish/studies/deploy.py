@@ -120,7 +120,7 @@ def deploy(
     pilot = Pilot(decider, robot, task, wire, camera_m=config.detections.position_m, latency_s=latency_s)
     datagrams = DatagramPort(config.detections.address)
     try:
-        with _stop_flag() as is_stopped:
+        with stop_flag() as is_stopped:
             loop = RobotLoop(pilot, partial(SerialPort, port, config.baud), datagrams, task.period_s)
             timing = loop.run(lambda: is_stopped() or watch(pilot), seconds)
     finally:
@@ -165,7 +165,7 @@ def decider_of(
 
 
 @contextmanager
-def _stop_flag() -> Iterator[Callable[[], bool]]:
+def stop_flag() -> Iterator[Callable[[], bool]]:
     """Have signals to stop set a flag while a block runs, so that no decision is cut in two."""
     received = list[int]()
 

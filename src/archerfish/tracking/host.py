@@ -113,10 +113,11 @@ def angle_at(reports: Reports, moment: Numbers) -> Numbers:
     after = np.sum(reports.sampled_s[:, None, :] <= moment[..., None], axis=-1)
     first = np.argmax(np.isfinite(reports.sampled_s), axis=1)[:, None]
     low, high = np.clip(after - 1, first, latest), np.clip(after, first, latest)
-    begin, end = (np.take_along_axis(reports.sampled_s, index, axis=1) for index in (low, high))
+    trial = np.arange(len(moment))[:, None]
+    begin, end = reports.sampled_s[trial, low], reports.sampled_s[trial, high]
     gap = end - begin
     share = np.where(gap > 0.0, np.clip((moment - begin) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0), 0.0)
-    here, there = (np.take_along_axis(reports.angle, index[..., None], axis=1) for index in (low, high))
+    here, there = reports.angle[trial, low], reports.angle[trial, high]
     return np.asarray(here + share[..., None] * (there - here))
 
 
@@ -177,7 +178,8 @@ def _with_frames(frames: WaitingFrames, detections: Detections, offset_s: float,
     new = np.where(missing[..., None], 0.0, detections.position[..., 0, :])
     places = np.concatenate([frames.position, new], axis=1)
     order = np.argsort(times, axis=1, kind="stable")[:, -_kept(times, now_s) :]
-    return WaitingFrames(np.take_along_axis(times, order, axis=1), np.take_along_axis(places, order[..., None], axis=1))
+    trial = np.arange(len(times))[:, None]
+    return WaitingFrames(times[trial, order], places[trial, order])
 
 
 def _kept(times: Numbers, now_s: float) -> int:
@@ -193,9 +195,8 @@ def _latest_plate(plate: SeenPlate, reports: Reports, frames: WaitingFrames) -> 
     """
     exposed = frames.exposed_s
     usable = (exposed <= reports.sampled_s[:, -1:]) & (exposed > plate.exposed_s[:, None])
-    newest = np.argmax(np.where(usable, exposed, -np.inf), axis=1)[:, None]
-    moment = np.take_along_axis(exposed, newest, axis=1)
-    seen = np.take_along_axis(frames.position, newest[..., None], axis=1)
+    trial, newest = np.arange(len(exposed))[:, None], np.argmax(np.where(usable, exposed, -np.inf), axis=1)[:, None]
+    moment, seen = exposed[trial, newest], frames.position[trial, newest]
     position = from_camera(seen, angle_at(reports, moment))[:, 0]
     is_new = np.any(usable, axis=1)
     return SeenPlate(
