@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from archerfish.cli.deploy import _obey
 from archerfish.codegen.decision import FIELDS
 from archerfish.codegen.library import find_compiler
 from archerfish.controllers.registry import make_controller
@@ -83,6 +84,22 @@ def test_the_operator_may_choose_the_fallback_and_go_back():
         signs, _ = decided(both)
         assert signs[-1] == sign
     assert both.fault == ""
+
+
+def test_what_is_typed_is_switch_and_choice_of_the_fallback():
+    class Typed:
+        def __init__(self, has_switch):
+            self.has_switch, self.switch = has_switch, True
+            self.decider = WithFallback(decider(0.5), decider(-0.5), 1.0)
+
+    for has_switch, text, expected in [
+        (False, "", (False, "")),
+        (False, "\nf\n\n", (False, "it was chosen")),
+        (True, "f\nf\n\nf\nx\n", (True, "it was chosen")),
+    ]:
+        pilot = Typed(has_switch)
+        _obey(pilot, text.splitlines(keepends=True))
+        assert (pilot.switch, pilot.decider.why_fallback) == expected
 
 
 def test_a_controller_that_fails_at_once_is_replaced():

@@ -5,11 +5,13 @@ import queue
 import sys
 import threading
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from archerfish.cli.options import Ending, ForRobot, shown
 from archerfish.runtime.configuration import FILE, read_config
+from archerfish.runtime.deciders import WithFallback
 from archerfish.runtime.pilot import Pilot
 from archerfish.studies.deploy import deploy
 
@@ -21,7 +23,8 @@ class Deploy(ForRobot):
     """Aim and shoot with the robot: frames of its wire in and out, detections by UDP.
 
     - begins disarmed: the operator's switch must go off, and on after half a second of good input
-    - a policy has a classical controller behind it, which decides from its first fault on
+    - a policy has a classical controller behind it, which decides from its first fault on, or while it is chosen: type
+      f and Enter
     - holds on feedback older than 50 ms, fires never then; a fault after 100 ms, until the switch was off
     - Ctrl-C, SIGTERM or a fault of the program: the last frame ends the fire
     - ROBOT/deploy.toml has port, wire, camera and limits (docs/deployment.md)
@@ -66,7 +69,7 @@ class Deploy(ForRobot):
 
 
 class StateDisplay:
-    """Shows the state of the pilot where it has changed, and lets Enter be the switch of a wire without one.
+    """Shows the state of the pilot where it has changed, and reads the keyboard; see `_obey`.
 
     A thread of its own prints: a terminal that is stopped keeps the one that writes to it.
     """
@@ -77,11 +80,12 @@ class StateDisplay:
         threading.Thread(target=self._print, daemon=True).start()
 
     def __call__(self, pilot: Pilot) -> bool:
+        """Show the state if it is another one; never ends the run."""
         state = pilot.state_text
-        if pilot.verdict is not None and not pilot.has_switch and not self._keyboard:
+        if pilot.verdict is not None and not self._keyboard:
             self._keyboard = True
-            threading.Thread(target=_toggle, args=[pilot], daemon=True).start()
-            state += " (the wire has no operator's switch: Enter turns it on and off)"
+            threading.Thread(target=_obey, args=[pilot, sys.stdin], daemon=True).start()
+            state += "" if pilot.has_switch else " (the wire has no operator's switch: Enter turns it on and off)"
         if state != self._shown:
             with contextlib.suppress(queue.Full):
                 self._lines.put_nowait(state)
@@ -94,8 +98,15 @@ class StateDisplay:
             time.sleep(_EVERY_S)
 
 
-def _toggle(pilot: Pilot) -> None:
-    """Turn the switch with each line that is typed, and off at the end of the input."""
-    for _ in sys.stdin:
-        pilot.switch = not pilot.switch
-    pilot.switch = False
+def _obey(pilot: Pilot, lines: Iterable[str]) -> None:
+    """Do what is typed: "f" chooses the fallback, and the first controller again.
+
+    An empty line is the switch of a wire without one, which is off at the end of the input.
+    """
+    for line in lines:
+        if line.strip() == "f" and isinstance(pilot.decider, WithFallback):
+            pilot.decider.is_fallback_chosen = not pilot.decider.is_fallback_chosen
+        elif not line.strip() and not pilot.has_switch:
+            pilot.switch = not pilot.switch
+    if not pilot.has_switch:
+        pilot.switch = False

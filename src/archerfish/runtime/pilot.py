@@ -14,7 +14,7 @@ from archerfish.dynamics.muzzle import direction
 from archerfish.errors import InputError
 from archerfish.messages import Detections, Feedback, Numbers
 from archerfish.robot import Robot
-from archerfish.runtime.deciders import Decider
+from archerfish.runtime.deciders import Decider, WithFallback
 from archerfish.runtime.detections import CameraFrame, camera_frames
 from archerfish.safety.gate import GateState, GateVerdict, Mode, Reason
 from archerfish.safety.plausibility import (
@@ -76,7 +76,9 @@ class Pilot:
         """The last one of the gate."""
         self.muzzle_speed = np.nan
         """Measured last [m/s]."""
-        self._decider, self._wire, self._period = decider, wire, task.period_s
+        self.decider = decider
+        """What decides."""
+        self._wire, self._period = wire, task.period_s
         self._expected_speed = float(robot.muzzle_model().speed)
         self._latency = camera_latency(robot) if latency_s is None else latency_s
         self._feedback_latency = (robot.sensing.link.feedback_latency if robot.sensing else None) or 0.0
@@ -94,7 +96,7 @@ class Pilot:
         self._reported_shots_left = np.nan
         self._plate_in_world: SeenPlate | None = None
         self._host: Host | None = None
-        self._decider.reset()
+        self.decider.reset()
         self._decided_s = -np.inf
         self._gate_before: GateState | None = None  # the last decision, until that is taken back
         self._prediction: Prediction | None = None
@@ -139,9 +141,9 @@ class Pilot:
         if host is None:
             return b""
         self.counts["decisions"] += 1
-        gate_before, elapsed = self._decider.gate, self._elapsed(now)
+        gate_before, elapsed = self.decider.gate, self._elapsed(now)
         given = self._given(now, elapsed, host, gate_before)
-        self.verdict, _ = self._decider.decide(given)
+        self.verdict, _ = self.decider.decide(given)
         self._decided_s, self._gate_before = now, gate_before
         self._shots_left -= float(self.verdict.fire)
         reason = Reason(int(self.verdict.reason))
@@ -156,13 +158,13 @@ class Pilot:
         """
         if self._gate_before is not None and self.verdict is not None:
             self._shots_left += float(self.verdict.fire)
-            self._decider.gate, self._gate_before = self._gate_before, None
+            self.decider.gate, self._gate_before = self._gate_before, None
 
     def last_frame(self) -> bytes:
         """Return bytes that end the fire and let the gimbal go; nothing before the first report. It never fails."""
         if self._host is None or self.verdict is None:
             return b""
-        command = self._decider.gate.command
+        command = self.decider.gate.command
         is_controlled = self.switch and int(self.verdict.mode) != Mode.DISARMED
         held = self._encoded(command, True, False) if is_controlled else b""
         return held + self._encoded(command, False, False)
@@ -174,8 +176,8 @@ class Pilot:
             return "waiting for the first report"
         mode, cause = Mode(int(self.verdict.mode)), Reason(int(self.verdict.cause))
         state = f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
-        fault = getattr(self._decider, "fault", "")
-        return f"{state}; the fallback decides: {fault}" if fault else state
+        why = self.decider.why_fallback if isinstance(self.decider, WithFallback) else ""
+        return f"{state}; the fallback decides: {why}" if why else state
 
     def _elapsed(self, now: float) -> float:
         """Return the time since the last decision, a period before the first one [s]."""
