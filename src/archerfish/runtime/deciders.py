@@ -65,7 +65,7 @@ class NumpyDecider:
         self.error = ""
         try:
             self._state, verdict = self._gated.step(self._state, given)
-        except Exception as error:  # noqa: BLE001 - whatever a controller raises, the gate decides
+        except Exception as error:  # whatever a controller raises, the gate decides
             self.error = one_line(f"{type(error).__name__}: {error}")[:200]
             state, verdict = self._without.step(self._state._replace(inner=np.zeros(())), given)
             self._state = self._without.reset()._replace(gate=state.gate)

@@ -226,7 +226,7 @@ class RobotLoop:
                     self._port = self._open()
                 elif data := port.read():
                     self._bytes.append(_Arrival(_clock(), data))
-            except Exception:  # noqa: BLE001 - whatever a driver raises, the port has gone
+            except Exception:  # whatever a driver raises, the port has gone
                 self._port = None
                 if port is not None:
                     self.timing.lost += 1
