@@ -1,16 +1,13 @@
 """What a robot's computer is connected to and runs: deploy.toml in the robot's folder."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
-from archerfish.errors import InputError, file_error, one_line
-from archerfish.records.json_files import to_struct
+from archerfish.records.json_files import read_toml, to_struct
 from archerfish.records.record import Struct, Text
 from archerfish.safety.rules import GateConfig
-from archerfish.storage import read_bytes, text_of
 
 FILE = "deploy.toml"
 _REMEDY = "correct it; docs/deployment.md has every line"
@@ -63,10 +60,4 @@ def read_config(folder: Path | None) -> DeployConfig:
     path = folder / FILE if folder else None
     if path is None or not path.exists():
         return DeployConfig()
-    try:
-        content = tomllib.loads(text_of(read_bytes(path, _REMEDY)))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise file_error(path, f"is not TOML ({one_line(str(error))[:200]})", _REMEDY) from error
-    return to_struct(content, path, DeployConfig, None, _REMEDY)
+    return to_struct(read_toml(path, _REMEDY), path, DeployConfig, None, _REMEDY)
