@@ -8,7 +8,6 @@ import tty
 
 import pytest
 
-from archerfish.errors import InputError
 from archerfish.runtime.loop import Durations, RobotLoop
 from archerfish.wires.transports import DatagramPort, SerialPort
 
@@ -163,20 +162,6 @@ def test_a_port_that_has_gone_is_opened_again(camera):
     assert (timing.lost, b"late" in pilot.received) == (1, True)
     assert os.read(terminals[-1].robot, 10_000).endswith(b"end")
     terminals[-1].close()
-
-
-def test_a_port_has_one_user(terminal, camera):
-    port = SerialPort(terminal.name)
-    with pytest.raises(InputError, match=r"port /dev/pts/\d+: can't be opened"):
-        SerialPort(terminal.name)
-    port.close()
-    with pytest.raises(InputError, match=r"/dev/ttyNone: can't be opened .*; "):
-        SerialPort("/dev/ttyNone")
-    with pytest.raises(InputError, match=r"can't be opened .*choose another port"):
-        DatagramPort(f"127.0.0.1:{camera.number}")
-    for wrong in ("47000", "localhost:47000", "127.0.0.1:x", "127.0.0.1:99999"):
-        with pytest.raises(InputError, match="detections: "):
-            DatagramPort(wrong)
 
 
 def test_durations_are_counted_in_a_fixed_amount_of_memory():
