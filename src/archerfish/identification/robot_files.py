@@ -362,9 +362,9 @@ def far_commands(axis: AxisResult, limits: LimitsRecord | None) -> list[Finding]
     low, high = float(u.min()), float(u.max())
     lowest, highest = -_FARTHEST_DEG[axis.part], _FARTHEST_DEG[axis.part]
     slack, expected = 0.0, "expected"
-    if limits:
-        most = limits.pitch if axis.part == "pitch" else limits.yaw
-        lowest, highest = np.degrees([most.low, most.high]).tolist()
+    most = limits and (limits.pitch if axis.part == "pitch" else limits.yaw)
+    if most and most.low is not None:
+        lowest, highest = np.degrees(most.ends).tolist()
         slack, expected = _BEYOND * (highest - lowest), "its limits are"
     if lowest - slack <= low and high <= highest + slack:
         return []

@@ -80,7 +80,7 @@ def _narrowed(limits: LimitsRecord, config: GateConfig) -> LimitsRecord:
     for axis, own, given in (("pitch", limits.pitch, config.pitch), ("yaw", limits.yaw, config.yaw)):
         if given is None:
             continue
-        is_within = own.low <= given.low and given.high <= own.high
+        is_within = own.ends[0] <= given.ends[0] and given.ends[1] <= own.ends[1]
         if not (is_within and given.max_rate <= own.max_rate and given.max_acceleration <= own.max_acceleration):
             raise InputError(f"gate.{axis}: expected limits within {own}, got {given}; narrow them, or remove them")
         limits = limits.replace(**{axis: given})
