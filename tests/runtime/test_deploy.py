@@ -1,5 +1,7 @@
 """What stands between a controller and the robot on a real computer: a fallback, and the lines of deploy.toml."""
 
+import os
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -7,8 +9,17 @@ import pytest
 
 from archerfish.errors import InputError
 from archerfish.protocols import Command
-from archerfish.runtime.configuration import DeployConfig, read_config
+from archerfish.robot import Robot
+from archerfish.runtime.configuration import ControllerConfig, DeployConfig, DetectionsConfig, read_config
 from archerfish.runtime.fallback import WithFallback
+from archerfish.safety.rules import GateConfig
+from archerfish.studies.deploy import deploy
+from archerfish.task import Task
+from archerfish.wires import load_wire
+
+INFANTRY, TASK = Robot.load(Path(__file__).parents[1] / "infantry"), Task.load("any")
+WIDE = INFANTRY.limits.yaw.replace(high=2.0)
+ENDLESS = INFANTRY.replace(limits=INFANTRY.limits.replace(yaw=WIDE.replace(low=None, high=None)))
 
 
 class Seen(NamedTuple):
@@ -84,6 +95,79 @@ def test_where_both_fail_there_is_no_command():
         angles.append(command.angle[0, 0])
     np.testing.assert_array_equal(angles, [0.1, 0.1, np.nan, np.nan])
     assert not command.fire.any()
+
+
+def test_files_of_deploy_toml_are_looked_for_from_its_folder(tmp_path, monkeypatch):
+    robot, elsewhere = tmp_path / "robot", tmp_path / "elsewhere"
+    robot.mkdir()
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    (robot / "own.toml").write_text("[up]\nfields = ['= 01']\n")
+    (robot / "deploy.toml").write_text('wires = ["own.toml", "referee"]\ncontroller.mode = "./mine.py:Aim"\n')
+    config = read_config(robot)
+    assert config.wires == (f"{robot}/own.toml", "referee")
+    assert "up" in load_wire(*config.wires).layouts
+    assert (config.controller.mode, config.controller.fallback) == (f"{robot}/mine.py:Aim", "kalman")
+
+
+WITHOUT_PORT = r"deploy\.toml: port /dev/ttyNone: there is no such port"
+
+
+def sensing(**camera):
+    return INFANTRY.sensing.replace(camera=INFANTRY.sensing.camera.replace(**camera))
+
+
+def test_a_latency_counts_from_exposures_or_comes_from_deploy_toml(refused):
+    usual = DetectionsConfig()
+    assert usual.latency_s(INFANTRY) == INFANTRY.sensing.camera.latency
+    relative = INFANTRY.replace(sensing=sensing(latency_basis="feedback"))
+    refused(r"35\.1 ms, is less the delay of the gimbal's feedback.*write latency_ms to", usual.latency_s, relative)
+    without = INFANTRY.replace(sensing=sensing(latency_basis="", latency=None))
+    for robot in (without, INFANTRY.replace(sensing=None)):
+        refused(r"no latency of its camera.*write latency_ms to \[detections\] of deploy.toml", usual.latency_s, robot)
+    for robot in (relative, without):
+        assert DetectionsConfig(latency_ms=20.0).latency_s(robot) == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("lines", "robot", "pattern"),
+    [
+        ({}, INFANTRY, r"deploy\.toml: the yaw's range, -75° to 75°, is from .*add yaw_reference = \"encoder\" if"),
+        ({"yaw_reference": "encoder"}, INFANTRY, WITHOUT_PORT),
+        ({"yaw_reference": "fixed-chassis"}, INFANTRY, WITHOUT_PORT),
+        ({"wires": ("roborts",)}, INFANTRY, WITHOUT_PORT),
+        ({}, ENDLESS, WITHOUT_PORT),
+        ({"gate": GateConfig(yaw=INFANTRY.limits.yaw)}, ENDLESS, "the yaw's range, -75° to 75°"),
+        ({"wires": ("canbus",)}, INFANTRY, r"deploy\.toml: field wires: there is no wire 'canbus'"),
+        ({"wires": ("rm_vision",)}, INFANTRY, r"deploy\.toml: field wires: wire rm_vision: no frame has pitch"),
+        (
+            {"gate": GateConfig(yaw=WIDE), "yaw_reference": "encoder"},
+            INFANTRY,
+            r"deploy\.toml: gate\.yaw: expected",
+        ),
+        ({"yaw_reference": "encoder", "port": ""}, INFANTRY, r"deploy\.toml: field port: expected that of the robot"),
+    ],
+)
+def test_what_a_line_of_deploy_toml_makes_impossible_is_refused_with_its_name(lines, robot, pattern, refused):
+    pytest.importorskip("serial", reason="pyserial is not installed")
+    config = DeployConfig(**{"port": "/dev/ttyNone"} | lines)
+    refused(pattern, deploy, "no-lead", robot, TASK, config, tuning="start")
+
+
+def test_a_port_of_the_command_line_is_not_blamed_on_deploy_toml(refused):
+    config = DeployConfig(yaw_reference="encoder")
+    refused(r"^port /dev/ttyNone: there is no such", deploy, "no-lead", INFANTRY, TASK, config, port="/dev/ttyNone")
+    robot, computer = os.openpty()
+    port = os.ttyname(computer)
+    for line in ("mode", "fallback"):
+        config = DeployConfig(
+            yaw_reference="encoder", controller=ControllerConfig(**{"mode": "no-lead", line: "kalmn"})
+        )
+        pattern = rf"deploy\.toml: field controller\.{line}: .*perhaps you meant kalman"
+        refused(pattern, deploy, "", INFANTRY, TASK, config, port=port, tuning="start")
+    refused("^controller must be one of", deploy, "kalmn", INFANTRY, TASK, config, port=port, tuning="start")
+    os.close(robot)
+    os.close(computer)
 
 
 def test_deploy_toml_has_defaults_and_refuses_what_it_does_not_know(tmp_path):

@@ -14,6 +14,7 @@ from archerfish.errors import InputError
 from archerfish.messages import Detections, Feedback, Numbers
 from archerfish.protocols import Barrel, Command, Controller
 from archerfish.robot import Robot
+from archerfish.runtime.configuration import camera_latency
 from archerfish.runtime.detections import CameraFrame, camera_frames
 from archerfish.safety.gate import GateInput, GateState, GateVerdict, Mode, Reason, gate, resting_gate
 from archerfish.safety.plausibility import (
@@ -291,16 +292,3 @@ class Pilot:
         self._frames.clear()
         self._plate_in_world = None
         return self._host
-
-
-def camera_latency(robot: Robot) -> float:
-    """Return the mean time from an exposure to the receipt of its detections [s].
-
-    Raises:
-      InputError: if the robot's records don't have it.
-    """
-    latency = robot.sensing.camera.latency if robot.sensing else None
-    if latency is None:
-        remedy = "record timing_plate.csv with the times of receipt, and identify again"
-        raise InputError(f"{robot.name} has no latency of its camera, so no detection can be dated; {remedy}")
-    return latency

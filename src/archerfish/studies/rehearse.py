@@ -22,7 +22,7 @@ from archerfish.reports.table import Estimate, Table, entry_texts
 from archerfish.robot import Robot, RobotLike
 from archerfish.runtime.configuration import DeployConfig
 from archerfish.runtime.fallback import WithFallback
-from archerfish.runtime.pilot import Pilot, camera_latency
+from archerfish.runtime.pilot import Pilot
 from archerfish.task import Task, TaskLike
 from archerfish.virtual_robot.description import TICK_S
 from archerfish.virtual_robot.emulator import Emulator, Fault
@@ -151,14 +151,15 @@ def rehearse(
     if seconds < 2:
         raise InputError(f"seconds must be at least 2, got {seconds}; choose more")
     virtual = virtual if isinstance(virtual, VirtualRobot) else VirtualRobot.load(virtual)
-    robot, target = Robot.of(robot), target or SwingingPlate()
-    camera_latency(robot)  # before minutes of a search
+    robot, target, config = Robot.of(robot), target or SwingingPlate(), config or DeployConfig()
+    wires = [wire] if isinstance(wire, str | Path) else [*wire]
+    latency_s, own_wire = config.detections.latency_s(robot), load_wire(*wires)  # before minutes of a search
     name, made, task = for_robot(controller, robot, Task.of(task), tuning)
-    wires, config = [wire] if isinstance(wire, str | Path) else [*wire], config or DeployConfig()
     fallback = config.controller.fallback
     if fallback and fallback != name:
         made = WithFallback(made, for_robot(fallback, robot, task, tuning)[1], math.inf)
-    pilot = Pilot(made, robot, task, load_wire(*wires), camera_m=config.detections.position_m, config=config.gate)
+    camera_m = config.detections.position_m
+    pilot = Pilot(made, robot, task, own_wire, camera_m=camera_m, latency_s=latency_s, config=config.gate)
     emulator = emulated_robot(virtual, robot, task, wires, target, seed=seed)
     with bar("rehearsing", seconds, "seconds") as advance:
         while emulator.time < COUNTED_FROM_S + seconds:
