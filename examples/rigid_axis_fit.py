@@ -17,7 +17,7 @@ from scipy import integrate, linalg, optimize, signal, sparse
 
 from archerfish.dynamics.rigid_axis import RigidAxis, RigidState, dry_friction, rigid_step
 from archerfish.errors import InputError
-from archerfish.identification.axis.identify import Source, read_sources
+from archerfish.identification.axis.sources import Source, read_sources
 from archerfish.identification.simulation import Array
 from archerfish.identification.statistics import normal_estimate
 from archerfish.logs.log import read_log

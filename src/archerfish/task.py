@@ -13,9 +13,9 @@ from archerfish.arrays import Array, lift, namespace, select, single_precision, 
 from archerfish.errors import InputError, checked_arguments, file_error, meant, one_line
 from archerfish.plugins import Plugin, is_plugin, names_code, names_object, registered_name
 from archerfish.protocols import Engagement, Plates
-from archerfish.records.json_files import plain
+from archerfish.records.json_files import plain, read_toml
 from archerfish.records.record import Angle, Share, Struct, Text
-from archerfish.storage import text_of, write_bytes
+from archerfish.storage import write_bytes
 from archerfish.targets.kinds import KINDS
 from archerfish.targets.mixture import MIXTURES, drawn_path, path_uniforms
 from archerfish.targets.motion import LONGEST_S, Parabola, disc
@@ -222,15 +222,11 @@ class Task(Struct, frozen=True, kw_only=True, eq=True):
           InputError: naming what is unknown or out of bounds, of a file with its field.
         """
         path, content = Path(name), dict[str, Any](motion=str(name))
+        if path.suffix == ".toml":
+            content = {"name": path.stem} | read_toml(path, "correct it")
         try:
-            if path.suffix == ".toml":
-                import tomllib  # slow to load
-
-                if not path.is_file() or path.stat().st_size > 1_000_000:
-                    raise InputError("is no file of at most 1 MB")
-                content = {"name": path.stem} | tomllib.loads(text_of(path.read_bytes()))
-                if names_code(str(content.get("motion"))) and not motion:
-                    raise InputError("code that only a file names is not run; give it as the motion, beside the file")
+            if path.suffix == ".toml" and names_code(str(content.get("motion"))) and not motion:
+                raise InputError("code that only a file names is not run; give it as the motion, beside the file")
             task = cls(**content | ({"motion": motion} if motion else {}))
             if not names_code(task.motion):
                 task._motion()  # refuses an unknown name

@@ -20,6 +20,12 @@ CENTRE, PERIOD = -0.135, 1e-3
 KINDS = ("sweep", "multisine", "prbs", "step")
 
 
+def test_an_axis_without_ends_is_moved_within_a_turn():
+    endless, turn = LIMITS.replace(low=None, high=None), LIMITS.replace(low=-np.pi, high=np.pi)
+    settings = ExcitationSettings()
+    np.testing.assert_array_equal(*(plan_command("sweep", limits, settings, 0.01) for limits in (endless, turn)))
+
+
 def test_a_multisine_has_its_harmonics_alone_and_a_low_peak_of_its_second_derivative():
     harmonics = np.arange(3, 63)
     amplitude = np.linspace(1.0, 2.0, 60) / harmonics**2

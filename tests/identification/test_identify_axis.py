@@ -9,9 +9,10 @@ from scipy import signal, stats
 
 from archerfish.identification.axis.bootstrap import draw_plants, interval
 from archerfish.identification.axis.fit import fit_axis
-from archerfish.identification.axis.identify import identify_axis, read_sources
+from archerfish.identification.axis.identify import identify_axis
 from archerfish.identification.axis.plateaus import plateau_gain
 from archerfish.identification.axis.report import shortfalls
+from archerfish.identification.axis.sources import read_sources
 from archerfish.identification.simulation import simulate
 from archerfish.logs.recording import Recording
 from archerfish.records.plant import PlantRecord

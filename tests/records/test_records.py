@@ -6,10 +6,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import signal
 
+from archerfish.dynamics.command_limits import limit_command
 from archerfish.dynamics.linear_axis import gimbal_draws
 from archerfish.records.json_files import plain, write_json
 from archerfish.records.plant import PlantRecord
 from archerfish.robot import RECORDS, PartVerdict, Robot
+from archerfish.task import Task
 
 FAULTS = [
     ("pitch", {"A": [["1"]]}, r"field A: expected float, got str"),
@@ -21,6 +23,12 @@ FAULTS = [
     ("muzzle", {"speed": 0.0}, r"field speed: expected float >= 0.1, got 0.0"),
     ("muzzle", {"intervals": {"speed": [2.0, 1.0]}}, r"intervals.speed: expected low ≤ high, got 2 and 1"),
     ("limits", {"yaw": {"low": 1.0, "high": 0.5, "max_rate": 1.0, "max_acceleration": 1.0}}, r"low < high, got 1"),
+    ("limits", {"yaw": {"low": None, "high": 0.5, "max_rate": 1.0, "max_acceleration": 1.0}}, r"or null for both"),
+    (
+        "limits",
+        {"pitch": {"low": None, "high": None, "max_rate": 1.0, "max_acceleration": 1.0}},
+        r"pitch: expected a",
+    ),
     ("sensing", {"link": {"feedback_rate_hz": 9.0, "command_latency": -1e-3}}, r"link.command_latency: .* -0.001"),
 ]
 AXIS_FAULTS = [
@@ -52,6 +60,18 @@ def test_a_record_is_read_back_and_one_of_version_0_1_is_refused(tmp_path, robot
     assert len(path.read_text().splitlines()) == len(record.__struct_fields__) + 3
     path.write_text(path.read_text().replace(record.schema, record.schema[:-1] + "1"))
     refused(r'x.json: field schema: expected "archerfish.\w*/\d", got .*/1.*; identify again', type(record).load, path)
+
+
+def test_a_yaw_on_a_slip_ring_has_no_range(tmp_path, robot):
+    limits = robot.limits.replace(yaw=robot.limits.yaw.replace(low=None, high=None))
+    limits.save(tmp_path / "limits.json")
+    assert '"yaw": {"low": null, "high": null' in (tmp_path / "limits.json").read_text()
+    assert plain(type(limits).load(tmp_path / "limits.json")) == plain(limits)
+    turned = robot.replace(limits=limits).command_limits(Task.load("any"))
+    command = np.array([0.0, 500.0])  # 80 turns
+    wanted = np.array([0.01, 500.01])
+    reached = limit_command(turned, wanted, command, (wanted - command) / 0.02, 0.0 * command, 0.02)
+    assert_allclose(reached, wanted)
 
 
 @pytest.mark.parametrize(("name", "change", "complaint"), FAULTS)

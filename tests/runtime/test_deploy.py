@@ -1,5 +1,6 @@
 """What stands between a controller and the robot on a real computer: a fallback, and the lines of deploy.toml."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,18 @@ from archerfish.controllers.registry import make_controller
 from archerfish.errors import InputError
 from archerfish.protocols import aim
 from archerfish.robot import Robot
-from archerfish.runtime.configuration import DeployConfig, read_config
+from archerfish.runtime.configuration import ControllerConfig, DeployConfig, DetectionsConfig, read_config
 from archerfish.runtime.deciders import WithFallback, make_decider
 from archerfish.safety.gate import Mode
 from archerfish.safety.rules import GateConfig
+from archerfish.studies.deploy import deploy
 from archerfish.task import Task
+from archerfish.wires import load_wire
 
-ROBOT, TASK = Robot.load(Path(__file__).parents[1] / "infantry"), Task.load("any")
+INFANTRY, TASK = Robot.load(Path(__file__).parents[1] / "infantry"), Task.load("any")
+WIDE = INFANTRY.limits.yaw.replace(high=2.0)
+ENDLESS = INFANTRY.replace(limits=INFANTRY.limits.replace(yaw=WIDE.replace(low=None, high=None)))
+
 GIVEN = {name: np.zeros((size,) * (size > 1), np.float32) for name, size in FIELDS.items()}
 GIVEN |= {"elapsed": np.float32(0.02), "muzzle_speed": np.float32(18.0), "plate": np.float32([3.0, 0.0, 0.0])}
 GIVEN |= {"shots_left": np.float32(9.0), "found": np.array(True), "distrusted": np.array(False)}
@@ -48,7 +54,7 @@ ARMED_AFTER = 30
 
 
 def decider(*controller):
-    return make_decider("own", Aims(*controller), ROBOT, TASK, GateConfig())
+    return make_decider("own", Aims(*controller), INFANTRY, TASK, GateConfig())
 
 
 def decided(decider, decisions=7):
@@ -118,8 +124,8 @@ def test_where_all_fail_the_gate_holds_and_is_a_fault_and_the_switch_ends_it(alo
 def test_c_and_numpy_take_a_decision_back_alike():
     if find_compiler() is None:
         pytest.skip("no C compiler is at hand")
-    kalman = make_controller("kalman", ROBOT, TASK)
-    in_c, in_numpy = (make_decider("kalman", kalman, ROBOT, TASK, GateConfig(), in_c=in_c) for in_c in (True, False))
+    kalman = make_controller("kalman", INFANTRY, TASK)
+    in_c, in_numpy = (make_decider("kalman", kalman, INFANTRY, TASK, GateConfig(), in_c=in_c) for in_c in (True, False))
     assert (in_c.language, in_numpy.language) == ("C", "NumPy")
     for both in (in_c, in_numpy):
         decided(both)
@@ -130,6 +136,79 @@ def test_c_and_numpy_take_a_decision_back_alike():
         assert first.mode == second.mode == Mode.ARMED
     for one, other in zip(in_c.gate, in_numpy.gate, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+def test_files_of_deploy_toml_are_looked_for_from_its_folder(tmp_path, monkeypatch):
+    robot, elsewhere = tmp_path / "robot", tmp_path / "elsewhere"
+    robot.mkdir()
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    (robot / "own.toml").write_text("[up]\nfields = ['= 01']\n")
+    (robot / "deploy.toml").write_text('wires = ["own.toml", "referee"]\ncontroller.mode = "./mine.py:Aim"\n')
+    config = read_config(robot)
+    assert config.wires == (f"{robot}/own.toml", "referee")
+    assert "up" in load_wire(*config.wires).layouts
+    assert (config.controller.mode, config.controller.fallback) == (f"{robot}/mine.py:Aim", "kalman")
+
+
+WITHOUT_PORT = r"deploy\.toml: port /dev/ttyNone: there is no such port"
+
+
+def sensing(**camera):
+    return INFANTRY.sensing.replace(camera=INFANTRY.sensing.camera.replace(**camera))
+
+
+def test_a_latency_counts_from_exposures_or_comes_from_deploy_toml(refused):
+    usual = DetectionsConfig()
+    assert usual.latency_s(INFANTRY) == INFANTRY.sensing.camera.latency
+    relative = INFANTRY.replace(sensing=sensing(latency_basis="feedback"))
+    refused(r"35\.1 ms, is less the delay of the gimbal's feedback.*write latency_ms to", usual.latency_s, relative)
+    without = INFANTRY.replace(sensing=sensing(latency_basis="", latency=None))
+    for robot in (without, INFANTRY.replace(sensing=None)):
+        refused(r"no latency of its camera.*write latency_ms to \[detections\] of deploy.toml", usual.latency_s, robot)
+    for robot in (relative, without):
+        assert DetectionsConfig(latency_ms=20.0).latency_s(robot) == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("lines", "robot", "pattern"),
+    [
+        ({}, INFANTRY, r"deploy\.toml: the yaw's range, -75° to 75°, is from .*add yaw_reference = \"encoder\" if"),
+        ({"yaw_reference": "encoder"}, INFANTRY, WITHOUT_PORT),
+        ({"yaw_reference": "fixed-chassis"}, INFANTRY, WITHOUT_PORT),
+        ({"wires": ("roborts",)}, INFANTRY, WITHOUT_PORT),
+        ({}, ENDLESS, WITHOUT_PORT),
+        ({"gate": GateConfig(yaw=INFANTRY.limits.yaw)}, ENDLESS, "the yaw's range, -75° to 75°"),
+        ({"wires": ("canbus",)}, INFANTRY, r"deploy\.toml: field wires: there is no wire 'canbus'"),
+        ({"wires": ("rm_vision",)}, INFANTRY, r"deploy\.toml: field wires: wire rm_vision: no frame has pitch"),
+        (
+            {"gate": GateConfig(yaw=WIDE), "yaw_reference": "encoder"},
+            INFANTRY,
+            r"deploy\.toml: gate\.yaw: expected",
+        ),
+        ({"yaw_reference": "encoder", "port": ""}, INFANTRY, r"deploy\.toml: field port: expected that of the robot"),
+    ],
+)
+def test_what_a_line_of_deploy_toml_makes_impossible_is_refused_with_its_name(lines, robot, pattern, refused):
+    pytest.importorskip("serial", reason="pyserial is not installed")
+    config = DeployConfig(**{"port": "/dev/ttyNone"} | lines)
+    refused(pattern, deploy, "no-lead", robot, TASK, config, tuning="start")
+
+
+def test_a_port_of_the_command_line_is_not_blamed_on_deploy_toml(refused):
+    config = DeployConfig(yaw_reference="encoder")
+    refused(r"^port /dev/ttyNone: there is no such", deploy, "no-lead", INFANTRY, TASK, config, port="/dev/ttyNone")
+    robot, computer = os.openpty()
+    port = os.ttyname(computer)
+    for line in ("mode", "fallback"):
+        config = DeployConfig(
+            yaw_reference="encoder", controller=ControllerConfig(**{"mode": "no-lead", line: "kalmn"})
+        )
+        pattern = rf"deploy\.toml: field controller\.{line}: .*perhaps you meant kalman"
+        refused(pattern, deploy, "", INFANTRY, TASK, config, port=port, tuning="start")
+    refused("^controller must be one of", deploy, "kalmn", INFANTRY, TASK, config, port=port, tuning="start")
+    os.close(robot)
+    os.close(computer)
 
 
 def test_deploy_toml_has_defaults_and_refuses_what_it_does_not_know(tmp_path):

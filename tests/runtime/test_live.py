@@ -34,7 +34,9 @@ def until(stream, pattern):
 def test_an_emulated_robot_is_shot_with_and_the_fire_ends_with_the_program(tmp_path, how):
     robot = tmp_path / "robot"
     shutil.copytree(INFANTRY, robot)
-    (robot / "deploy.toml").write_text(f'detections.address = "127.0.0.1:{20_000 + os.getpid() % 20_000}"\n')
+    address = f"127.0.0.1:{20_000 + os.getpid() % 20_000}"
+    lines = f'yaw_reference = "fixed-chassis"\ndetections.address = "{address}"\n'
+    (robot / "deploy.toml").write_text(lines)
     emulator = pilot = program("emulate", robot, "--seconds", 4)
     try:
         port = until(emulator.stdout, r"^port (\S+)")[1]

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from archerfish.cli.deploy import StateDisplay
-from archerfish.errors import InputError
 from archerfish.runtime.loop import Durations, RobotLoop
 from archerfish.studies.deploy import stop_flag
 from archerfish.wires.transports import DatagramPort, SerialPort
@@ -258,20 +257,6 @@ def test_a_terminal_that_stands_still_does_not_keep_the_loop(monkeypatch):
     for _ in range(50):
         assert not watch(pilot)
     assert time.monotonic() - begun < 5.0
-
-
-def test_a_port_has_one_user(terminal, camera):
-    port = SerialPort(terminal.name)
-    with pytest.raises(InputError, match=r"port /dev/pts/\d+: can't be opened"):
-        SerialPort(terminal.name)
-    port.close()
-    with pytest.raises(InputError, match=r"/dev/ttyNone: can't be opened .*; "):
-        SerialPort("/dev/ttyNone")
-    with pytest.raises(InputError, match=r"can't be opened .*choose another port"):
-        DatagramPort(f"127.0.0.1:{camera.number}")
-    for wrong in ("47000", "localhost:47000", "127.0.0.1:x", "127.0.0.1:99999"):
-        with pytest.raises(InputError, match="detections: "):
-            DatagramPort(wrong)
 
 
 def test_durations_are_counted_in_a_fixed_amount_of_memory():

@@ -123,6 +123,22 @@ def test_yaw_is_sent_in_the_turn_of_the_last_report():
     assert np.abs(np.diff(np.unwrap(commands[29:, 2]))).max() < 0.2
 
 
+def test_the_yaw_of_a_chassis_that_turns_goes_on_without_jumps_and_the_encoder_is_the_difference():
+    wire, controller = load_wire("roborts"), Asks(0.1, 0.5)
+    pilot = piloted(controller, wire)
+    for number in range(1, 201):
+        base, encoder = 2.5 + 0.02 * number, 0.9 * math.sin(0.1 * number)
+        yaw = (base + encoder + math.pi) % (2.0 * math.pi) - math.pi
+        values = {"yaw": yaw, "yaw_encoder": encoder, "pitch": 0.1, "pitch_rate": 1e-3 * number}
+        pilot.on_bytes(100.0 + 0.02 * number, wire.layouts[wire.report].encode(values))
+        pilot.tick(100.0 + 0.02 * number)
+    found = np.array([seen.base.yaw for seen in controller.seen])
+    first = 2.0 * math.pi * round((found[0] - 2.52) / (2.0 * math.pi))
+    np.testing.assert_allclose(found - first, 2.5 + 0.02 * np.arange(1, 201), atol=0.01)
+    angles = np.array([seen.gimbal.angle[1] for seen in controller.seen])
+    np.testing.assert_allclose(angles - found, 0.9 * np.sin(0.1 * np.arange(1, 201)), atol=0.01)
+
+
 def test_damaged_messages_are_counted_and_change_nothing():
     controller, rng = Asks(0.1, 0.0), np.random.default_rng(0)
     pilot = piloted(controller)

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from archerfish.wires import Layout, Stream, load_wire
+from archerfish.wires.stream import WireFrame
 from archerfish.wires.wire import WireCommand, in_range
 
 TENTH = "*0.0017453292519943296"
@@ -178,6 +179,12 @@ def test_a_command_is_sent_in_the_frames_of_its_state():
         np.testing.assert_allclose(yaws, [*[0.0] * (name == "sp_vision_25"), 0.1, 0.1], atol=1e-3)
 
 
+def report_of(wire, **numbers):
+    """Return a frame with a report of some numbers."""
+    layout = wire.layouts[wire.report]
+    return WireFrame(layout, layout.encode(numbers))
+
+
 def test_reports_carry_the_latest_reading_of_the_referee():
     wire = load_wire("sp_vision_25", "referee")
     report = FEEDBACK.encode({"mode": 0, "yaw": -0.2, "pitch": 0.1, "pitch_rate": 0.3, "muzzle_speed": 14.0})
@@ -187,6 +194,18 @@ def test_reports_carry_the_latest_reading_of_the_referee():
     np.testing.assert_allclose(reports.feedback.rate[0], [0.3, 0.0], rtol=1e-6)
     assert reports.switch_on.tolist() == [False, True]
     np.testing.assert_allclose(reports.shots_left, [np.nan, 3.0])
+
+
+def test_the_chassis_turns_by_what_the_encoder_does_not_see():
+    wire, yaws, encoders = load_wire("roborts"), np.array([0.5, -3.0, 3.1, 1.0]), np.array([0.2, 3.0, -3.1, 1.0])
+    reports = wire.decode(
+        [report_of(wire, yaw=yaw, yaw_encoder=encoder) for yaw, encoder in zip(yaws, encoders, strict=True)]
+    )
+    turned = [0.3, 2.0 * np.pi - 6.0, 6.2 - 2.0 * np.pi, 0.0]
+    np.testing.assert_allclose(reports.base_yaw, turned, atol=2 * np.radians(0.1))
+    plain = load_wire("sp_vision_25")
+    assert (wire.has_base_yaw, plain.has_base_yaw) == (True, False)
+    np.testing.assert_array_equal(plain.decode([report_of(plain, yaw=0.5)]).base_yaw, [np.nan])
 
 
 def test_a_team_gives_a_wire_of_its_own(tmp_path):
@@ -206,12 +225,39 @@ def test_a_team_gives_a_wire_of_its_own(tmp_path):
         ("[a]\nfields = ['= 01', 'yaw f32', 'yaw u8']", r"a name is there once"),
         ("[a]\nfields = ['= 01', 'mode u8']\nsent.fire = { mode = 256 }", r"no room for mode \[256"),
         ("[a]\nfields = ['= 01', 'mode u8']\nswitch_on = { mod = 1 }", r"no number mod; perhaps you meant mode"),
-        ("[a\n", r"mine\.toml: is not TOML"),
+        ("[a\n", r"mine\.toml: is not TOML .*; correct that place"),
+        ("[a]\nfields = ['= 01', 3]", r"field a\.fields\[1\]: expected str, got int"),
+        ("a = 1", r"field a: expected object, got int"),
     ],
 )
 def test_a_table_that_cannot_be_used_is_refused(text, pattern, tmp_path, refused):
     (tmp_path / "mine.toml").write_text(text)
     refused(pattern, load_wire, tmp_path / "mine.toml")
+
+
+def test_a_wire_without_a_direction_is_refused(tmp_path, refused):
+    report = "[up]\nfields = ['= 01', 'pitch f32', 'yaw f32', 'pitch_rate f32', 'yaw_rate f32', 'on u8']\n"
+    down, sent = "[down]\nfields = ['= 02', 'mode u8']\n", "sent.control = {mode = 1}\n"
+    fire, idle = "sent.fire = {mode = 2}\n", "sent.idle = {mode = 0}\n"
+    texts = {
+        "no frame has pitch, yaw, pitch_rate, yaw_rate, expected a report; join": down + sent,
+        r"switch_on is in other, expected it in up": report + down + sent + "[other]\n" + "fields = ['= 03', 'on u8']\n"
+        "switch_on = {on = 1}",
+        "no frame has sent.control, expected a command": report,
+        "no sent.fire differs from its sent.control": report + down + sent + idle + "sent.fire = {mode = 1}",
+        "no frame has sent.idle, so the gimbal could not be let go": report + down + sent + fire,
+    }
+    for pattern, text in texts.items():
+        (tmp_path / "mine.toml").write_text(text)
+        refused(f"wire mine: {pattern}", load_wire(tmp_path / "mine.toml").check_complete)
+
+
+def test_a_file_of_code_needs_the_name_of_its_wire(tmp_path, refused):
+    path = tmp_path / "ours.py"
+    path.write_text("class Half:\n  received = ()\n")
+    refused(rf"add :NAME, as {path}:NAME", load_wire, path)
+    refused(r"ours\.py:Half: Half has no decode, encode, expected a wire", load_wire, f"{path}:Half")
+    refused(r"has no 'Whole', but Half", load_wire, f"{path}:Whole")
 
 
 def test_an_unknown_wire_and_a_number_without_room_are_refused(refused):

@@ -12,11 +12,11 @@ import numpy as np
 
 from archerfish.arrays import Array, lift, namespace
 from archerfish.errors import InputError
-from archerfish.records.limits import LimitsRecord
+from archerfish.records.limits import UNLIMITED, LimitsRecord
 
 COMMAND_LIMITS = ("box", "gate", "los-2deg")
 """Names of the settings."""
-NEVER = 1e6
+NEVER = UNLIMITED
 """A limit that never acts: rad, rad/s, rad/s²."""
 _ROUNDING = 1.0 - 1e-5
 """Share of the acceleration limit that is used, so that second differences of float32 commands keep it too."""
@@ -46,7 +46,7 @@ def named_limits(name: str, record: LimitsRecord, yaw_lead: float) -> CommandLim
     if name not in COMMAND_LIMITS:
         raise InputError(f"command_limit must be one of {', '.join(COMMAND_LIMITS)}, got {name!r}; choose one of them")
     pitch, yaw = record.pitch, record.yaw
-    low, high = np.array([pitch.low, yaw.low]), np.array([pitch.high, yaw.high])
+    low, high = np.array([pitch.ends, yaw.ends]).T
     rate = np.array([pitch.max_rate, yaw.max_rate])
     acceleration = np.array([pitch.max_acceleration, yaw.max_acceleration])
     never = np.full(2, NEVER)

@@ -97,13 +97,15 @@ def plan_command(
     Raises:
       InputError: if the signal can't be made, or does not fit the limits.
     """
-    centre = 0.5 * (limits.low + limits.high) if settings.centre is None else settings.centre
-    reach = settings.limit_share * max(min(limits.high - centre, centre - limits.low), 0.0)
+    low, high = _travel(limits)
+    centre = 0.5 * (low + high) if settings.centre is None else settings.centre
+    reach = settings.limit_share * max(min(high - centre, centre - low), 0.0)
     size = settings.step if kind == "step" else settings.amplitude or reach
     if not 0 < size <= reach:
-        angles = (size, centre, reach, limits.low, limits.high)
-        got, about, most, low, high = (f"{math.degrees(angle):.3g}°" for angle in angles)
-        problem = f"excitation: {kind}: {got} about {about}, expected up to {most}, as the travel is {low} to {high}"
+        angles = (size, centre, reach, low, high)
+        got, about, most, lowest, highest = (f"{math.degrees(angle):.3g}°" for angle in angles)
+        expected = f"expected up to {most}, as the travel is {lowest} to {highest}"
+        problem = f"excitation: {kind}: {got} about {about}, {expected}"
         raise InputError(f"{problem}; give --amplitude-deg, --step-deg, --centre-deg, or the travel by --range-deg")
     budget = np.array([size, *settings.limit_share * np.array([limits.max_rate, limits.max_acceleration])])
     if kind == "step":
@@ -112,6 +114,11 @@ def plan_command(
         signal = _within(budget, _signal(kind, settings, budget, period_s), period_s, 1 / settings.low_hz)
         signal = -signal[::-1] if held_back else signal
     return np.asarray(centre + np.pad(signal, round(settings.settle_s / period_s)))
+
+
+def _travel(limits: AxisLimits) -> tuple[float, float]:
+    """Return between which angles an axis is moved [rad]: within a turn where it has no ends."""
+    return (-math.pi, math.pi) if limits.low is None else limits.ends
 
 
 def _steps(settings: ExcitationSettings, budget: Array, period_s: float, levels: tuple[float, ...]) -> Array:
@@ -241,7 +248,7 @@ class Excitation(Reported):
             moved = demand(u - u[0], log.period_s)[1:].tolist()
             jumps = moved[1] > np.degrees(limits.max_acceleration)
             rows.append((name, len(log) * log.period_s, u.min(), u.max(), *(["jump"] * 2 if jumps else moved)))
-        most = np.degrees([limits.low, limits.high, limits.max_rate, limits.max_acceleration]).tolist()
+        most = np.degrees([*_travel(limits), limits.max_rate, limits.max_acceleration]).tolist()
         jumping, start, every = any("jump" in row for row in rows), f"{u[0]:.3g}°", f"{1e3 * log.period_s:g} ms"
         steps = (
             f"Bring the axis to {start}, its centre, and play u [rad] of each file, a value every {every}.",

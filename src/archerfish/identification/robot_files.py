@@ -1,7 +1,6 @@
 """The folder of a robot's logs: what its files are called, and what logs.toml, tape.json and limits.json hold."""
 
 import re
-import tomllib
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -18,11 +17,10 @@ from archerfish.logs.log import Unit, read_log, signals_in
 from archerfish.logs.recording import BAGS, Finding, Log, listed
 from archerfish.logs.shots import COLUMNS
 from archerfish.logs.timing import Frame
-from archerfish.records.json_files import read_json, to_struct
+from archerfish.records.json_files import read_json, read_toml, to_struct
 from archerfish.records.limits import AxisLimits, LimitsRecord
 from archerfish.records.record import Struct
 from archerfish.robot import Part
-from archerfish.storage import read_bytes, text_of
 
 AXES: tuple[Literal["pitch", "yaw"], ...] = ("pitch", "yaw")
 EXPECTED = "{pitch,yaw}_{sweep,step}[_validation].csv, {pitch,yaw}_step_{N}deg.csv, shots.csv, timing_{sweep,plate}.csv"
@@ -193,11 +191,7 @@ def read_folder(folder: Path) -> LogFolder:
     if not folder.is_dir():
         raise file_error(folder, "there is no such folder", "name the folder of the logs")
     path = folder / "logs.toml"
-    written = read_bytes(path, "write no more than the names of the logs to it") if path.exists() else b""
-    try:
-        content = tomllib.loads(text_of(written))
-    except (ValueError, RecursionError) as error:
-        raise file_error(path, f"is not TOML ({error})", "correct it") from error
+    content = read_toml(path, "correct it") if path.exists() else {}
     keys = [", ".join(kind.__struct_fields__) for kind in (AxisFiles, MuzzleFiles, SensingFiles, LimitsFigures)]
     remedy = "correct it; [pitch] and [yaw] may have {}, [muzzle] {}, [sensing] {}, [limits] {}".format(*keys)
     settings = to_struct(content, path, LogFolder, None, remedy)
@@ -368,9 +362,9 @@ def far_commands(axis: AxisResult, limits: LimitsRecord | None) -> list[Finding]
     low, high = float(u.min()), float(u.max())
     lowest, highest = -_FARTHEST_DEG[axis.part], _FARTHEST_DEG[axis.part]
     slack, expected = 0.0, "expected"
-    if limits:
-        most = limits.pitch if axis.part == "pitch" else limits.yaw
-        lowest, highest = np.degrees([most.low, most.high]).tolist()
+    most = limits and (limits.pitch if axis.part == "pitch" else limits.yaw)
+    if most and most.low is not None:
+        lowest, highest = np.degrees(most.ends).tolist()
         slack, expected = _BEYOND * (highest - lowest), "its limits are"
     if lowest - slack <= low and high <= highest + slack:
         return []

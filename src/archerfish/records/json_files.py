@@ -1,4 +1,4 @@
-"""JSON files, read strictly: what is not as expected is named in one line.
+"""JSON and TOML files, read strictly: what is not as expected is named in one line.
 
 msgspec checks types and bounds. Arrays are decoded as nested lists of numbers, for NumPy alone would take texts,
 booleans and None as well.
@@ -24,6 +24,7 @@ Matrix = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """A finite number; msgspec's bounds refuse NaN, too."""
+_MOST_TOML_BYTES = 1_000_000  # people write these files
 SampleCount = Annotated[int, Meta(ge=0, le=1_000_000)]
 
 
@@ -57,6 +58,27 @@ def parse_json(content: bytes, path: Path, remedy: str) -> Any:
         return json.loads(text_of(content), object_pairs_hook=unique, parse_constant=refuse)
     except (ValueError, RecursionError) as error:
         raise file_error(path, f"is not JSON ({one_line(str(error))[:200]})", remedy) from error
+
+
+def read_toml(path: Path, remedy: str) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Args:
+      path: the file.
+      remedy: what to do about a damaged file.
+
+    Raises:
+      InputError: if it is missing, unreadable, larger than a megabyte or not TOML.
+    """
+    import tomllib  # slow to load
+
+    content = read_bytes(path, remedy)
+    if len(content) > _MOST_TOML_BYTES:
+        raise file_error(path, f"has {len(content)} bytes, expected at most {_MOST_TOML_BYTES}", remedy)
+    try:
+        return tomllib.loads(text_of(content))
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a ValueError, too
+        raise file_error(path, f"is not TOML ({one_line(str(error))[:200]})", remedy) from error
 
 
 def read_struct(path: Path, kind: type[T], schema: str, remedy: str) -> T:

@@ -14,6 +14,7 @@ from archerfish.dynamics.muzzle import direction
 from archerfish.errors import InputError
 from archerfish.messages import Detections, Feedback, Numbers
 from archerfish.robot import Robot
+from archerfish.runtime.configuration import camera_latency
 from archerfish.runtime.deciders import Decider, WithFallback
 from archerfish.runtime.detections import CameraFrame, camera_frames
 from archerfish.safety.gate import GateState, GateVerdict, Mode, Reason
@@ -101,6 +102,7 @@ class Pilot:
         self._gate_before: GateState | None = None  # the last decision, until that is taken back
         self._prediction: Prediction | None = None
         self._raw_yaw = 0.0
+        self._base_yaw: float | None = None  # of the chassis, without jumps of a turn [rad]
 
     def on_bytes(self, now: float, data: bytes) -> None:
         """Take bytes that the microcontroller sent.
@@ -192,7 +194,7 @@ class Pilot:
             "gimbal_age": age,
             "frame_age": now - plate.exposed_s[0] if is_new else 0.0,
             "muzzle_speed": self._expected_speed,
-            "base_yaw": 0.0,
+            "base_yaw": self._base_yaw or 0.0,
             "shots_left": self._shots_left,
             "angle": reports.angle[0, -1],
             "rate": reports.rate[0],
@@ -251,6 +253,7 @@ class Pilot:
                 continue
             self._reports.append((sampled, feedback.angle[place], feedback.rate[place]))
             self._raw_yaw = float(feedback.angle[place, 1])
+            self._base_yaw = _unwrapped_base(float(reports.base_yaw[place]), self._raw_yaw, self._base_yaw)
             self.muzzle_speed = float(reports.muzzle_speed[place])
             shots_left = float(reports.shots_left[place])
             # The latest heat stands in each report: only another one is news, and shots of since count.
@@ -293,14 +296,16 @@ class Pilot:
         return self._host
 
 
-def camera_latency(robot: Robot) -> float:
-    """Return the mean time from an exposure to the receipt of its detections [s].
+def _unwrapped_base(base_yaw: float, yaw: float, before: float | None) -> float | None:
+    """Return the yaw of the chassis without jumps of a turn [rad].
 
-    Raises:
-      InputError: if the robot's records don't have it.
+    Args:
+      base_yaw: as reported, in [−π, π), or NaN where it is not known [rad].
+      yaw: of the gimbal, in the same report [rad]; the encoder's yaw, less than half a turn, is the difference.
+      before: that of the report before [rad], or None.
     """
-    latency = robot.sensing.camera.latency if robot.sensing else None
-    if latency is None:
-        remedy = "record timing_plate.csv with the times of receipt, and identify again"
-        raise InputError(f"{robot.name} has no latency of its camera, so no detection can be dated; {remedy}")
-    return latency
+    if np.isnan(base_yaw):
+        return before
+    near = yaw if before is None else before
+    turned = (base_yaw - near + np.pi) % (2.0 * np.pi) - np.pi
+    return float(near + turned)

@@ -63,7 +63,7 @@ def gate_rules(robot: Robot, task: Task, config: GateConfig | None = None) -> Ru
     config = config or GateConfig()
     period = task.period_s
     rules = Rules(
-        limits=robot.replace(limits=_narrowed(robot.limits, config)).command_limits(task),
+        limits=robot.replace(limits=narrowed_limits(robot.limits, config)).command_limits(task),
         period=period,
         stale=STALE_S,
         late=max(STALE_S, 2.5 * period),
@@ -76,11 +76,20 @@ def gate_rules(robot: Robot, task: Task, config: GateConfig | None = None) -> Ru
     return single_precision(rules)
 
 
-def _narrowed(limits: LimitsRecord, config: GateConfig) -> LimitsRecord:
+def narrowed_limits(limits: LimitsRecord, config: GateConfig) -> LimitsRecord:
+    """Return limits with those of a configuration in their place.
+
+    Args:
+      limits: of the robot.
+      config: what is narrowed.
+
+    Raises:
+      InputError: if it is wider.
+    """
     for axis, own, given in (("pitch", limits.pitch, config.pitch), ("yaw", limits.yaw, config.yaw)):
         if given is None:
             continue
-        is_within = own.low <= given.low and given.high <= own.high
+        is_within = own.ends[0] <= given.ends[0] and given.ends[1] <= own.ends[1]
         if not (is_within and given.max_rate <= own.max_rate and given.max_acceleration <= own.max_acceleration):
             raise InputError(f"gate.{axis}: expected limits within {own}, got {given}; narrow them, or remove them")
         limits = limits.replace(**{axis: given})

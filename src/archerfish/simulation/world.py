@@ -271,12 +271,11 @@ def make_world(robot: RobotLike = None, task: TaskLike = "any") -> SimulatedWorl
     robot, task = Robot.of(robot), Task.of(task)
     period, limits = task.period_s, robot.limits
     for axis, angle in zip(("pitch", "yaw"), task.start, strict=True):
-        ends = getattr(limits, axis)
-        if not ends.low <= angle <= ends.high:
-            between = f"{ends.low:.3g}…{ends.high:.3g} rad"
+        lowest, highest = getattr(limits, axis).ends
+        if not lowest <= angle <= highest:
+            between = f"{lowest:.3g}…{highest:.3g} rad"
             raise InputError(f"the task begins at a {axis} of {angle:g} rad, expected {between}, as of {robot.name}")
-    low = np.array([limits.pitch.low, limits.yaw.low])
-    high = np.array([limits.pitch.high, limits.yaw.high])
+    low, high = np.array([limits.pitch.ends, limits.yaw.ends]).T
     hardware: Hardware
     if robot.sensing is None:
         draws = gimbal_draws(robot.pitch, robot.yaw, period)

@@ -16,14 +16,16 @@ from archerfish.errors import InputError
 from archerfish.reports.report import Report, Reported
 from archerfish.reports.table import Table
 from archerfish.robot import Robot
-from archerfish.runtime.configuration import DeployConfig
+from archerfish.runtime.configuration import FILE, DeployConfig, setting
 from archerfish.runtime.deciders import Decider, WithFallback, make_decider
 from archerfish.runtime.loop import RobotLoop, Timing
-from archerfish.runtime.pilot import Pilot, camera_latency
+from archerfish.runtime.pilot import Pilot
+from archerfish.safety.rules import narrowed_limits
 from archerfish.studies.export import for_robot
 from archerfish.task import Task
-from archerfish.wires import load_wire
+from archerfish.wires import Wire, load_wire
 from archerfish.wires.transports import DatagramPort, SerialPort
+from archerfish.wires.wire import TableWire
 
 _LONGEST = 0.5  # share of a period that a decision may take
 _SPEED = 0.02  # share by which a muzzle speed may differ from that of the records
@@ -108,17 +110,25 @@ def deploy(
     Raises:
       InputError: if a port can't be opened, or controller, wire or records can't be used.
     """
-    port = port or config.port
-    if not port:
-        raise InputError(
-            "port: none is given, expected that of the robot, such as /dev/ttyACM0; name it in deploy.toml"
-        )
-    latency_ms, wire = config.detections.latency_ms, load_wire(*config.wires)
-    latency_s = camera_latency(robot) if latency_ms is None else 1e-3 * latency_ms  # before minutes of a search
+    # What is wrong in a line is said before minutes of a search.
+    latency_s = config.detections.latency_s(robot)
+    with setting("wires"):
+        wire = load_wire(*config.wires)
+        if isinstance(wire, TableWire):
+            wire.check_complete()
+    _check_yaw(robot, wire, config)
+    with setting("gate"):
+        narrowed_limits(robot.limits, config.gate)
+    with setting("port", not port):
+        port = port or config.port
+        if not port:
+            raise InputError("expected that of the robot, such as /dev/ttyACM0, got none; write it, or give --port")
+        SerialPort(port, config.baud).close()
     controller = controller or config.controller.mode or "kalman"
     name, decider, task = decider_of(controller, robot, task, config, tuning, in_c=in_c)
     pilot = Pilot(decider, robot, task, wire, camera_m=config.detections.position_m, latency_s=latency_s)
-    datagrams = DatagramPort(config.detections.address)
+    with setting("detections.address"):
+        datagrams = DatagramPort(config.detections.address)
     try:
         with stop_flag() as is_stopped:
             loop = RobotLoop(pilot, partial(SerialPort, port, config.baud), datagrams, task.period_s)
@@ -154,14 +164,28 @@ def decider_of(
     Raises:
       InputError: as of `for_robot` and `make_decider`.
     """
-    name, made, task = for_robot(controller, robot, task, tuning)
+    with setting("controller.mode", controller == config.controller.mode):
+        name, made, task = for_robot(controller, robot, task, tuning)
     first = make_decider(name, made, robot, task, config.gate, in_c=in_c)
     other = config.controller.fallback
     if other in ("", name):
         return name, first, task
-    _, made, _ = for_robot(other, robot, task, tuning)
+    with setting("controller.fallback"):
+        _, made, _ = for_robot(other, robot, task, tuning)
     fallback = make_decider(other, made, robot, task, config.gate, in_c=in_c)
     return name, WithFallback(first, fallback, _LONGEST * task.period_s if is_timed else math.inf), task
+
+
+def _check_yaw(robot: Robot, wire: Wire, config: DeployConfig) -> None:
+    """Refuse a range of the yaw, which is from the chassis, where nobody says how far the chassis has turned."""
+    limits = config.gate.yaw or robot.limits.yaw
+    if limits.low is None or getattr(wire, "has_base_yaw", False) or config.yaw_reference:
+        return
+    low, high = np.degrees(limits.ends)
+    problem = f"the yaw's range, {low:.0f}° to {high:.0f}°, is from the chassis, and the wire has no yaw_encoder"
+    encoder, fixed = (f'yaw_reference = "{reference}"' for reference in ("encoder", "fixed-chassis"))
+    remedy = f"add {encoder} if its yaw is the encoder's, or {fixed} if the chassis stands still"
+    raise InputError(f"{FILE}: {problem}; {remedy}")
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from archerfish.reports.report import Report
 from archerfish.reports.table import Estimate, Table, entry_texts
 from archerfish.robot import Robot, RobotLike
 from archerfish.runtime.configuration import DeployConfig
-from archerfish.runtime.pilot import Pilot, camera_latency
+from archerfish.runtime.pilot import Pilot
 from archerfish.studies.deploy import decider_of
 from archerfish.task import Task, TaskLike
 from archerfish.virtual_robot.description import TICK_S
@@ -152,11 +152,11 @@ def rehearse(
     if seconds < 2:
         raise InputError(f"seconds must be at least 2, got {seconds}; choose more")
     virtual = virtual if isinstance(virtual, VirtualRobot) else VirtualRobot.load(virtual)
-    robot, target = Robot.of(robot), target or SwingingPlate()
-    camera_latency(robot)  # before minutes of a search
-    wires, config = [wire] if isinstance(wire, str | Path) else [*wire], config or DeployConfig()
+    robot, target, config = Robot.of(robot), target or SwingingPlate(), config or DeployConfig()
+    wires = [wire] if isinstance(wire, str | Path) else [*wire]
+    latency_s, own_wire = config.detections.latency_s(robot), load_wire(*wires)  # before minutes of a search
     name, decider, task = decider_of(controller, robot, Task.of(task), config, tuning, in_c=in_c, is_timed=False)
-    pilot = Pilot(decider, robot, task, load_wire(*wires), camera_m=config.detections.position_m)
+    pilot = Pilot(decider, robot, task, own_wire, camera_m=config.detections.position_m, latency_s=latency_s)
     emulator = emulated_robot(virtual, robot, task, wires, target, seed=seed)
     with bar("rehearsing", seconds, "seconds") as advance:
         while emulator.time < COUNTED_FROM_S + seconds:

@@ -1,15 +1,13 @@
 """Reading a robot's TOML file: strict, so that a misspelt field or a wrong unit never passes for a default."""
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import msgspec
 
 from archerfish.errors import InputError, file_error, meant, one_line
-from archerfish.records.json_files import fault
-from archerfish.storage import read_bytes, text_of
+from archerfish.records.json_files import fault, read_toml
 from archerfish.virtual_robot.description import RobotDescription
 
 _ROBOTS = Path(__file__).with_name("robots")
@@ -46,11 +44,7 @@ def load_robot(name_or_path: str | Path) -> RobotDescription:
       InputError: naming the table and the field, if there is no such robot or the file is not a robot's.
     """
     path = robot_path(name_or_path)
-    text = read_bytes(path, _REMEDY)
-    try:
-        content = tomllib.loads(text_of(text))
-    except (ValueError, RecursionError) as error:  # Python refuses a number of thousands of digits by a ValueError
-        raise file_error(path, f"is not TOML ({one_line(str(error))[:200]})", "correct that place") from error
+    content = read_toml(path, "correct that place")
     try:
         # The format first: a file of another one would be refused for some field, which would mislead.
         return msgspec.convert({"schema": {}} | content, RobotDescription)

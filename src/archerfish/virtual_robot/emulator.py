@@ -195,6 +195,7 @@ class Emulator:
         if self._has("nan", time):
             yaw = math.nan
         values = {"pitch": pitch, "yaw": yaw, "pitch_rate": pitch_rate, "yaw_rate": yaw_rate}
+        values |= {"pitch_encoder": pitch, "yaw_encoder": yaw}  # the chassis stands
         values |= {"sequence": round(1e3 * time) % 256, "shots": len(self.hits) % 256}
         name = self._wire.report
         switch_on = self._wire.tables[name].switch_on

@@ -46,7 +46,8 @@ class CommandMonitor:
             largest_change = 1.01 * axis.max_acceleration * self._period + 1e-3 + 2.0 * rounding
             # A command may stand still at once, and begin again from there: the gimbal brakes by itself.
             is_sudden = abs(rate - earlier) > largest_change and abs(rate) > largest_change
-            self.violations["range"] += not axis.low - 1e-5 - self._step <= new <= axis.high + 1e-5 + self._step
+            low, high = axis.ends
+            self.violations["range"] += not low - 1e-5 - self._step <= new <= high + 1e-5 + self._step
             self.violations["rate"] += abs(rate) > 1.001 * axis.max_rate + rounding
             self.violations["acceleration"] += is_sudden
         self._last = angle

@@ -1,6 +1,9 @@
 """Ports of the computer: a serial line, or anything that looks like one, and datagrams of the camera's program."""
 
+import contextlib
+import errno
 import ipaddress
+import os
 import socket
 from pathlib import Path
 from typing import Any, Protocol
@@ -9,6 +12,13 @@ from archerfish.errors import InputError, one_line
 
 _WAIT_S = 0.1  # of a read without bytes
 _MOST_BYTES = 65_536  # of a datagram
+_LAST_PORT = 65_535
+_PSEUDO_TERMINALS = "/dev/pts/"
+_ADDRESS_REMEDIES = {
+    errno.EADDRINUSE: "end the program that has it, or choose another port",
+    errno.EADDRNOTAVAIL: "take 127.0.0.1, an address of this computer, or 0.0.0.0 for all of its addresses",
+    errno.EACCES: "choose a port from 1024 on",
+}
 
 
 class Port(Protocol):
@@ -49,8 +59,11 @@ class SerialPort:
         try:
             self._port = serial.Serial(name, baud, timeout=_WAIT_S, write_timeout=_WAIT_S, exclusive=True)
         except (OSError, ValueError) as error:  # SerialException is an OSError
-            reason = one_line(str(error))[:200]
-            raise InputError(f"port {name}: can't be opened ({reason}); {_ports()}") from error
+            raise InputError(f"port {name}: {_problem(name, error)}") from error
+        # pyserial's lock binds programs that ask for it alone. A pseudo-terminal would stay closed to others where this
+        # program is killed, since its other end keeps it.
+        self._is_exclusive = not os.path.realpath(name).startswith(_PSEUDO_TERMINALS)
+        self._exclude_others(self._is_exclusive)
 
     def read(self) -> bytes:
         """Wait a moment for bytes; see `Port.read`."""
@@ -64,7 +77,17 @@ class SerialPort:
 
     def close(self) -> None:
         """Let others have the port."""
+        if self._is_exclusive:
+            self._exclude_others(False)
         self._port.close()
+
+    def _exclude_others(self, others_are_excluded: bool) -> None:
+        """Have the system refuse others that open the port, or let them, where it can."""
+        with contextlib.suppress(ImportError, AttributeError, OSError):  # Windows excludes them by itself
+            import fcntl
+            import termios
+
+            fcntl.ioctl(self._port.fileno(), termios.TIOCEXCL if others_are_excluded else termios.TIOCNXCL)
 
 
 class DatagramPort:
@@ -79,20 +102,24 @@ class DatagramPort:
         Raises:
           InputError: if it is no such address, or another program has it.
         """
-        host, _, number = address.rpartition(":")
+        text, _, number = address.rpartition(":")
+        host = text.strip("[]")
         try:
-            family = socket.AF_INET6 if ipaddress.ip_address(host.strip("[]")).version == 6 else socket.AF_INET
+            family = socket.AF_INET6 if ipaddress.ip_address(host).version == 6 else socket.AF_INET
             port = int(number)
         except ValueError as error:
             expected = "expected HOST:PORT with an IP address, such as 127.0.0.1:47000"
-            raise InputError(f"detections: {expected}, got {address!r}; correct it") from error
+            raise InputError(f"address {address!r}: {expected}; correct it") from error
+        if not 0 <= port <= _LAST_PORT:
+            raise InputError(f"address {address}: expected a port from 0 to {_LAST_PORT}, got {port}; correct it")
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.settimeout(_WAIT_S)
         try:
-            self._socket.bind((host.strip("[]"), port))
-        except (OSError, OverflowError) as error:
+            self._socket.bind((host, port))
+        except OSError as error:
             self._socket.close()
-            raise InputError(f"detections: {address} can't be opened ({error}); choose another port") from error
+            remedy = _ADDRESS_REMEDIES.get(error.errno or 0, "choose another address")
+            raise InputError(f"address {address}: can't be opened ({error.strerror}); {remedy}") from error
         self.number = int(self._socket.getsockname()[1])
         """Of the port."""
 
@@ -116,10 +143,30 @@ def _pyserial() -> Any:
     return serial
 
 
+def _problem(name: str, error: Exception) -> str:
+    """Return why a port can't be opened, and what to do about it."""
+    code = getattr(error, "errno", None) or next(iter(getattr(error.__context__, "args", ())), None)
+    if code in (errno.EACCES, errno.EPERM):
+        return f"this user may not open it; add the user to its group, {_group(name)}, and log in again"
+    if code in (errno.EAGAIN, errno.EBUSY):
+        return f"another program has it; end that one (fuser -v {name} shows it)"
+    if code == errno.ENOENT:
+        return f"there is no such port; {_ports()}"
+    reason = os.strerror(code) if isinstance(code, int) else one_line(str(error))[:200]
+    return f"can't be used as a serial port ({reason}); {_ports()}"
+
+
+def _group(name: str) -> str:
+    """Return the group of a device, which may open it."""
+    with contextlib.suppress(OSError, KeyError, NotImplementedError):
+        return Path(name).group()
+    return "dialout or uucp"
+
+
 def _ports() -> str:
     """Return what may be opened instead, as the remedy of a message."""
     from serial.tools import list_ports
 
     stable = [str(path) for path in sorted(Path("/dev/serial/by-id").glob("*"))]
     names = stable or [port.device for port in list_ports.comports()]
-    return f"there are {', '.join(names[:8])}" if names else "no serial port is there: plug it in, and see its rights"
+    return f"there are {', '.join(names[:8])}" if names else "there is none: plug the robot in"

@@ -1,26 +1,26 @@
 """The two directions of a wire: frames as reports of the robot, and commands as frames, by tables of a TOML file."""
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
+import msgspec
 import numpy as np
 from msgspec import field
 from numpy.typing import NDArray
 
-from archerfish.errors import InputError, file_error, meant, one_line
+from archerfish.errors import InputError, file_error, meant
 from archerfish.messages import Feedback, Numbers
 from archerfish.plugins import find_plugin, names_code
-from archerfish.records.json_files import Number, to_struct
+from archerfish.records.json_files import Number, fault, read_toml
 from archerfish.records.record import Struct, Text
-from archerfish.storage import read_bytes, text_of
 from archerfish.wires.layout import Layout
 from archerfish.wires.stream import WireFrame
 
 _WIRES = Path(__file__).parent
 _REMEDY = "correct it; a frame may have fields, endian, switch_on, sent.idle, sent.control and sent.fire"
 _ANGLES = ("pitch", "yaw", "pitch_rate", "yaw_rate")
+_ENCODER = "yaw_encoder"
 _LARGEST = 1e3  # no angle [rad] and no rate [rad/s] of a gimbal is beyond it
 _Numbers: TypeAlias = dict[str, Number]
 
@@ -46,6 +46,7 @@ class WireReports(NamedTuple):
     switch_on: NDArray[np.bool_] | None  # whether the operator lets the computer aim, (N,); None: no frame has it
     muzzle_speed: Numbers  # measured last [m/s], (N,); NaN where there is none
     shots_left: Numbers  # that heat allows, (N,); NaN where there is none
+    base_yaw: Numbers  # of the chassis, in [−π, π) [rad], (N,); NaN where the wire does not say it
 
 
 class WireCommand(NamedTuple):
@@ -64,7 +65,11 @@ class Wire(Protocol):
         """Frames that the computer receives."""
 
     def decode(self, frames: Sequence[WireFrame]) -> WireReports:
-        """Return the reports in some frames: radians, pitch with the muzzle up and yaw to the left positive."""
+        """Return the reports in some frames: radians, pitch with the muzzle up and yaw to the left positive.
+
+        A wire whose reports have `base_yaw` says so by an attribute `has_base_yaw` that is true, one whose reports have
+        `shots_left` by `has_heat`.
+        """
 
     def encode(self, command: WireCommand) -> bytes:
         """Return the frames of a command."""
@@ -73,9 +78,10 @@ class Wire(Protocol):
 class TableWire:
     """A wire by tables.
 
-    The numbers pitch, yaw, pitch_rate and yaw_rate of a received frame make a report; muzzle_speed and shots_left are
-    those of the latest frame that has them. Frames of a command have its pitch and yaw; the number sequence counts
-    commands from 0 to 255, which every type holds.
+    The numbers pitch, yaw, pitch_rate and yaw_rate of a received frame make a report. Where it has yaw_encoder, the yaw
+    from the chassis, beside the yaw of a gyroscope, their difference is that of the chassis. muzzle_speed and
+    shots_left are those of the latest frame that has them. Frames of a command have its pitch and yaw; the number
+    sequence counts commands from 0 to 255, which every type holds.
     """
 
     def __init__(self, name: str, tables: dict[str, FrameTable]) -> None:
@@ -91,9 +97,11 @@ class TableWire:
         self.name, self.tables = name, tables
         self.layouts = {frame: Layout(frame, table.fields, table.endian) for frame, table in tables.items()}
         self.received = [self.layouts[frame] for frame, table in tables.items() if not table.sent]
-        reports = [layout.name for layout in self.received if {*_ANGLES} <= {*layout.names}]
-        self.report = reports[0] if reports else ""
+        reports = [layout for layout in self.received if {*_ANGLES} <= {*layout.names}]
+        self.report = reports[0].name if reports else ""
         """Name of the frame that makes a report; "" where there is none."""
+        self.has_base_yaw = any(_ENCODER in layout.names for layout in reports)
+        """Whether reports have the yaw of the chassis."""
         self.has_heat = any("shots_left" in layout.names for layout in self.received)
         """Whether a frame says how many shots the heat limit allows."""
         self._has_switch = any(table.switch_on for table in tables.values())
@@ -111,24 +119,26 @@ class TableWire:
         Raises:
           InputError: saying what is missing.
         """
-        if not self.report:
-            raise InputError(f"wire {self.name}: no frame has {', '.join(_ANGLES)}, expected a report; join its file")
-        if others := [name for name, table in self.tables.items() if table.switch_on and name != self.report]:
-            problem = f"switch_on is in {others[0]}, expected it in {self.report}, whose age is watched"
-            raise InputError(f"wire {self.name}: {problem}; move it")
-        if not any("control" in table.sent for table in self.tables.values()):
-            raise InputError(f"wire {self.name}: no frame has sent.control, expected a command; join its file")
-        sent = [table.sent for table in self.tables.values() if table.sent]
-        if not any("fire" in each and each["fire"] != each.get("control") for each in sent):
-            problem = "no frame has a sent.fire that differs from its sent.control, so no shot could be fired"
-            raise InputError(f"wire {self.name}: {problem}; write it")
-        if not any("idle" in each for each in sent):
-            problem = "no frame has sent.idle, so the gimbal could not be let go"
-            raise InputError(f"wire {self.name}: {problem}; write it")
+        states = {state for table in self.tables.values() for state in table.sent}
+        fires = any(
+            "fire" in table.sent and table.sent["fire"] != table.sent.get("control") for table in self.tables.values()
+        )
+        with_switch = [frame for frame, table in self.tables.items() if table.switch_on]
+        elsewhere = ", ".join(frame for frame in with_switch if frame != self.report)
+        faults = {
+            f"no frame has {', '.join(_ANGLES)}, expected a report; join its file": not self.report,
+            f"switch_on is in {elsewhere}, expected it in {self.report}, whose age is watched; move it": elsewhere,
+            "no frame has sent.control, expected a command; join its file": "control" not in states,
+            "no sent.fire differs from its sent.control, so no shot could be fired; write it": not fires,
+            "no frame has sent.idle, so the gimbal could not be let go; write it": "idle" not in states,
+        }
+        for fault_text, is_there in faults.items():
+            if is_there:
+                raise InputError(f"wire {self.name}: {fault_text}")
 
     def decode(self, frames: Sequence[WireFrame]) -> WireReports:
         """Return the reports in some frames; see `Wire.decode`."""
-        angles, switches, others = list[list[float]](), list[bool](), list[list[float]]()
+        rows, switches = list[list[float]](), list[bool]()
         for frame in frames:
             values = frame.layout.decode(frame.data)
             switch_on = self.tables[frame.layout.name].switch_on
@@ -136,15 +146,21 @@ class TableWire:
                 self._switch = all(values[name] == value for name, value in switch_on.items())
             self._latest |= {name: values[name] for name in self._latest if name in values}
             if values.keys() >= {*_ANGLES}:
-                angles.append([values[name] for name in _ANGLES])
+                angles_and_rates = [values[name] for name in _ANGLES]
+                rows.append([*angles_and_rates, values.get(_ENCODER, np.nan), *self._latest.values()])
                 switches.append(self._switch)
-                others.append([*self._latest.values()])
-        angle_and_rate = np.array(angles, float).reshape(-1, 4)
-        speed, shots_left = np.array(others, float).reshape(-1, 2).T
-        no_time = np.full(len(angles), np.nan)
-        switch = np.array(switches, bool) if self._has_switch else None
-        feedback = Feedback(no_time, no_time, angle_and_rate[:, :2], angle_and_rate[:, 2:])
-        return WireReports(feedback, switch, speed, shots_left)
+        columns = np.array(rows, float).reshape(-1, 7)
+        angle, rate, encoder = columns[:, :2], columns[:, 2:4], columns[:, 4]
+        with np.errstate(invalid="ignore"):  # infinite angles, which `in_range` refuses
+            base_yaw = np.remainder(angle[:, 1] - encoder + np.pi, 2.0 * np.pi) - np.pi
+        no_time = np.full(len(rows), np.nan)
+        return WireReports(
+            feedback=Feedback(no_time, no_time, angle, rate),
+            switch_on=np.array(switches, bool) if self._has_switch else None,
+            muzzle_speed=columns[:, 5],
+            shots_left=columns[:, 6],
+            base_yaw=base_yaw,
+        )
 
     def encode(self, command: WireCommand) -> bytes:
         """Return the frames of a command; see `Wire.encode`."""
@@ -181,7 +197,7 @@ def load_wire(*wires: str | Path | Wire) -> Wire:
         return _own_wire(first, others)
     tables, names = dict[str, FrameTable](), list[str]()
     for wire in wires:
-        path, own = _tables(wire)
+        path, own = _read_tables(wire)
         if twice := own.keys() & tables.keys():
             raise file_error(path, f"frame {min(twice)} is in another file, too", "rename it in one of them")
         tables |= own
@@ -200,26 +216,29 @@ def _own_wire(wire: str | Path | Wire, others: Sequence[object]) -> Wire:
     plugin = find_plugin(str(wire) if isinstance(wire, Path) else wire, "wire")
     with plugin.running():
         value = plugin.value() if isinstance(plugin.value, type) else plugin.value
-        if others or not all(hasattr(value, name) for name in ("received", "decode", "encode")):
-            raise InputError(f"is a {type(value).__name__}, expected received, decode and encode, alone; write them")
+        if missing := [name for name in ("received", "decode", "encode") if not hasattr(value, name)]:
+            raise InputError(f"{type(value).__name__} has no {', '.join(missing)}, expected a wire; write them")
+        if others:
+            raise InputError(f"a wire in Python has all frames of the robot, got {others[0]}, too; leave that out")
         own: Wire = value
         return own
 
 
-def _tables(wire: object) -> tuple[Path, dict[str, FrameTable]]:
+def _read_tables(wire: object) -> tuple[Path, dict[str, FrameTable]]:
     """Return the file of a wire, and its frames."""
     known = {path.stem: path for path in sorted(_WIRES.glob("*.toml"))}
     path = known.get(str(wire), Path(str(wire)))
+    if path.suffix == ".py":
+        raise file_error(path, "expected the name of a wire in it", f"add :NAME, as {wire}:NAME")
     if path.suffix != ".toml":
         remedy = meant(str(wire), known, f"known are {', '.join(known)}, or give a TOML file or ./FILE.py:NAME")
         raise InputError(f"there is no wire {str(wire)!r}; {remedy}")
-    try:
-        content = tomllib.loads(text_of(read_bytes(path, _REMEDY)))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise file_error(path, f"is not TOML ({one_line(str(error))[:200]})", "correct that place") from error
-    tables = to_struct(content, path, dict[str, FrameTable], None, _REMEDY)
+    tables = dict[str, FrameTable]()
+    for frame, content in read_toml(path, "correct that place").items():
+        try:
+            tables[frame] = msgspec.convert(content, FrameTable)
+        except msgspec.ValidationError as error:
+            raise file_error(path, fault(error, content, frame), _REMEDY) from error
     try:
         TableWire(path.stem, tables)
     except InputError as error:
