@@ -237,9 +237,15 @@ class Robot(RobotFacts, frozen=True, kw_only=True):
         return super().replace(**changes)
 
     def record_digests(self) -> dict[str, str]:
-        """Return the SHA-256 of each record, without its provenance; a robot without sensing has none for it."""
-        found = {part: getattr(self, part) for part in RECORDS if getattr(self, part) is not None}
-        return {part: _digest(plain(record.replace(provenance={}))) for part, record in found.items()}
+        """Return the SHA-256 of each record, without its provenance; a robot without sensing has none for it.
+
+        Neither is a plant's validation residual in it, for nothing that is simulated or trained depends on that.
+        """
+        contents = {part: plain(getattr(self, part)) for part in RECORDS if getattr(self, part) is not None}
+        for content in contents.values():
+            content["provenance"] = {}
+            content.pop("validation_residual", None)
+        return {part: _digest(content) for part, content in contents.items()}
 
     def digest(self) -> str:
         """Return one SHA-256 for all that the robot's behaviour depends on."""

@@ -142,14 +142,14 @@ def test_the_yaw_of_a_chassis_that_turns_goes_on_without_jumps_and_the_encoder_i
 def test_damaged_messages_are_counted_and_change_nothing():
     controller, rng = Asks(0.1, 0.0), np.random.default_rng(0)
     pilot = piloted(controller)
-    run(pilot, 40, plate=ahead)
+    run(pilot, 50, plate=ahead)
     bad = [b"{", b'{"stamp": NaN, "plates": []}', b'{"stamp": 1, "plates": [[1e9, 0, 0]]}', b"[" * 100_000, b"\xff"]
     bad += [b'{"stamp": 1e400, "plates": []}', b'{"stamp": 1, "plates": [[1, 0]]}', *map(rng.bytes, range(200))]
     for data in bad:
-        pilot.on_datagram(100.81, data)
-        pilot.on_bytes(100.81, data)
-    pilot.on_bytes(100.81, report(1.0, math.nan) + report(1.0, 0.0) + report(1.0, 0.0) + report(2.0, 1e4))
-    assert sent(pilot, 100.82)[0] == 2
+        pilot.on_datagram(101.01, data)
+        pilot.on_bytes(101.01, data)
+    pilot.on_bytes(101.01, report(1.0, math.nan) + report(1.0, 0.0) + report(1.0, 0.0) + report(2.0, 1e4))
+    assert sent(pilot, 101.02)[0] == 2
     np.testing.assert_allclose(controller.seen[-1].gimbal.angle, [0.1, 0.0], atol=1e-7)
     expected = {"refused datagrams": len(bad) - 1, "reports out of range": 2, "repeated frames": 1}
     assert {name: pilot.counts[name] for name in expected} == expected  # of no bytes there are no lines
@@ -275,7 +275,7 @@ def shot_through_bytes(wire, *faults):
 @pytest.mark.parametrize("wire", ["sp_vision_25", "roborts"])
 def test_through_bytes_the_virtual_robot_is_aimed_and_hits(wire):
     emulated, pilot = shot_through_bytes(wire)
-    assert len(emulated.hits) == pytest.approx(94, abs=4)
+    assert len(emulated.hits) == pytest.approx(85, abs=4)  # in 1.7 s, from 0.3 s after it was armed
     assert sum(hit for _, hit in emulated.hits) > 70
     assert (+emulated.monitor.violations, pilot.counts["rejected heads"]) == ({}, 0)
 

@@ -15,7 +15,7 @@ ABSURD = [np.nan, np.inf, -np.inf, 1e30, -1e5]
 AGES = [0.001, 0.01, 0.02, 0.049, 0.0501, 0.0999, 0.1001, 0.5, 1e9, -0.005, -0.011, -1.0, np.nan, np.inf]
 PLATE_AGES = [0.03, 0.04, 0.249, 0.251, 2.0, np.nan, -0.1, 1e9]
 SHOTS = [1e6, 1.0, 0.99, 0.0, np.nan]
-INTERVAL = 0.06
+INTERVAL, SETTLING = 0.06, 0.3
 
 
 def start(rng, rules, n):
@@ -24,7 +24,8 @@ def start(rng, rules, n):
     armed = rng.random(n) < 0.7
     command = (low + (high - low) * rng.uniform(0.1, 0.9, (n, 2))).astype(F)
     flag, good_for = armed.astype(F), np.where(armed, F(0.6), F(0.49))
-    return resting_gate(command)._replace(mode=flag, switch_on=flag, good_for=good_for, obstacle=10 * (1 - flag))
+    started = {"mode": flag, "switch_on": flag, "sent_for": flag, "good_for": good_for}
+    return resting_gate(command)._replace(obstacle=10 * (1 - flag), **started)
 
 
 def inputs(rng, rules, state, calm, base_yaw):
@@ -71,6 +72,7 @@ class Monitor:
         self.speed = np.zeros(state.command.shape)
         self.sent = state.mode > 0
         self.base, self.quiet = np.zeros((2, len(state.mode)))
+        self.sent_for = state.sent_for.astype(float)
         self.wrong, self.done = collections.Counter(), collections.Counter()
 
     def judge(self, given, verdict):
@@ -97,7 +99,9 @@ class Monitor:
         change = np.where(cut_off, 0.0, np.abs(speed - before))
         turns_back = (np.abs(speed) > np.abs(before) + 1e-3) | (speed * before < -1e-3)
         elapsed = np.where(np.isfinite(given.elapsed), np.maximum(given.elapsed, 0.0), 0.1)
-        self.quiet += np.where(elapsed > 0.0, elapsed, 0.1)
+        elapsed = np.where(elapsed > 0.0, elapsed, 0.1)
+        self.quiet += elapsed
+        self.sent_for = np.where(both, self.sent_for + np.minimum(elapsed, self.period), 0.0)
         faults = {
             "not finite": ~np.isfinite(angle),
             "range": sent[:, None] & ((angle < low - 2e-6) | (angle > high + 2e-6)),
@@ -108,6 +112,7 @@ class Monitor:
             "fires while not armed": fire & ((mode != 1) | (given.switch_on == 0)),
             "fires at an unseen plate": fire & ~((given.plate_age <= 0.2501) & (given.plate_age >= -0.0101)),
             "fires too hot": fire & ~(given.shots_left >= 1.0),
+            "fires while settling": fire & (self.sent_for < SETTLING - 1e-3),
             "fires too soon": fire & (self.quiet < INTERVAL - 1e-3),
             "arms without the switch": (mode == 1) & (given.switch_on == 0),
         }

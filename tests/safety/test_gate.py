@@ -39,7 +39,7 @@ def after(state, *inputs, rules=RULES):
 
 
 START = resting_gate(np.zeros(2, F))
-ARMED, FIRST = after(START, *[OFF] * 25, ON)
+ARMED, FIRST = after(START, *[OFF] * 25, *[ON] * 16)  # the last of them is the first that may fire
 
 
 def outcome(state, *inputs, rules=RULES):
@@ -50,7 +50,8 @@ def outcome(state, *inputs, rules=RULES):
     return Mode(int(verdict.mode)).name, Reason(int(verdict.reason)).name, Reason(int(verdict.cause)).name
 
 
-ARMS = ("ARMED", "NONE", "NONE")
+ARMS = ("ARMED", "SETTLING", "NONE")
+FIRES = ("ARMED", "NONE", "NONE")
 
 
 def disarmed(cause):
@@ -132,7 +133,7 @@ def test_bad_input_holds_or_is_a_fault_and_is_named(field, cause):
 @pytest.mark.parametrize("field", GOOD)
 def test_input_within_the_limits_is_good(field):
     for value in GOOD[field]:
-        assert outcome(ARMED, given(**{field: value})) == outcome(ARMED, given(**{field: value}), ON) == ARMS
+        assert outcome(ARMED, given(**{field: value})) == outcome(ARMED, given(**{field: value}), ON) == FIRES
 
 
 def test_a_fault_comes_after_a_tenth_of_a_second_and_stays_until_the_switch_was_off_with_good_input():
@@ -189,8 +190,26 @@ def test_reasons_come_in_their_order_and_the_configured_ones_are_kept():
         state, verdict = gate(strict, state, ON)
         fired.append(bool(verdict.fire))
     assert fired == [False, False, False, False, True] * 4
-    assert outcome(START, *[OFF] * 25, *[ON] * 2, rules=strict._replace(interval=F(0.6)))[1] == "INTERVAL"
-    assert outcome(START, *[OFF] * 25, *[ON] * 5, rules=strict._replace(interval=F(0.6)))[1] == "NONE"
+    assert outcome(START, *[OFF] * 25, *[ON] * 19, rules=strict._replace(interval=F(0.9)))[1] == "INTERVAL"
+    assert outcome(START, *[OFF] * 25, *[ON] * 20, rules=strict._replace(interval=F(0.9)))[1] == "NONE"
+
+
+def test_nothing_is_fired_until_the_prediction_has_settled_also_where_decisions_are_missed():
+    assert Reason.SETTLING.text == "settling"
+    assert outcome(START, *[OFF] * 25, given(fire=False)) == ("ARMED", "NOT_ASKED", "NONE")
+    assert outcome(ARMED, OFF, ON, rules=RULES._replace(interval=F(0.1))) == ("ARMED", "INTERVAL", "NONE")
+    hold = given(feedback_age=0.06)
+    for changes, needed in (({}, 15), ({"elapsed": 0.049}, 15), ({"elapsed": 0.0101}, 30)):
+        soon = given(**changes)
+        assert outcome(START, *[OFF] * 25, ON, *[soon] * (needed - 1)) == ARMS
+        assert outcome(START, *[OFF] * 25, ON, *[soon] * needed) == FIRES
+        assert outcome(START, *[OFF] * 25, ON, hold, *[soon] * (needed - 1)) == FIRES  # it was sent, too
+    assert outcome(ARMED, hold, ON) == FIRES
+    assert outcome(ARMED, OFF, *[ON] * 15) == ARMS
+    assert outcome(ARMED, OFF, *[ON] * 16) == FIRES
+    assert after(ARMED, *[ON] * 600)[0].sent_for == 10.0
+    assert after(ARMED, OFF)[0].sent_for == 0.0
+    assert [RULES.settling, gate_rules(ROBOT, TASK.replace(period_s=0.04)).settling] == [F(0.3), F(0.6)]
 
 
 def test_with_good_input_the_command_is_that_of_the_limits_bit_for_bit():
@@ -258,6 +277,7 @@ def test_the_monitor_finds_what_is_wrong():
         "fires too hot": lambda v: v._replace(fire=v.fire | (v.reason == Reason.HEAT)),
         "fires too soon": lambda v: v._replace(fire=v.fire | (v.reason == Reason.INTERVAL)),
         "fires at an unseen plate": lambda v: v._replace(fire=v.fire | (v.reason == Reason.PLATE_UNSEEN)),
+        "fires while settling": lambda v: v._replace(fire=v.fire | (v.reason == Reason.SETTLING)),
         "fires while not armed": lambda v: v._replace(fire=v.fire | (v.mode == 0)),
         "fires on old feedback": lambda v: v._replace(fire=v.fire | (v.mode == 2)),
         "arms without the switch": lambda v: v._replace(mode=np.maximum(v.mode, F(1))),
@@ -302,4 +322,6 @@ def test_a_configuration_narrows_the_limits_and_never_widens_them(refused):
     refused("gate.pitch: expected limits within", gate_rules, ROBOT, TASK, config)
     refused("there is no field stale_s", lambda: GateConfig(stale_s=9.0))
     refused("shots_per_s", lambda: GateConfig(shots_per_s=0.0))
+    slow = TASK.replace(period_s=0.05)
+    refused("task any: period_s: the gate needs at most 40 ms between decisions, got 50 ms", gate_rules, ROBOT, slow)
     refused("take gate or box", gate_rules, ROBOT, TASK.replace(command_limit="los-2deg"))

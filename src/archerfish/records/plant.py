@@ -48,6 +48,9 @@ class PlantRecord(Record, frozen=True, kw_only=True):
     """Posterior draws: "A" (k, n, n), "B" (k, n, m), "C" (k, p, n), "D" (k, p, m); empty where there are none."""
     draw_delays: Counts = np.zeros(0, np.int64)
     """Input delay of each draw [samples], shape (k,); empty where all draws have that of the best estimate."""
+    validation_residual: Annotated[float, Meta(ge=0.0, le=1e6)] | None = None
+    """Largest residual of the first output, in its unit, that lasted three decisions of 20 ms in logs that were held
+    back; None where there were none. It judges feedback on the robot, and is not part of the robot's digest."""
     provenance: Provenance = field(default_factory=dict)
 
     def __post_init__(self) -> None:

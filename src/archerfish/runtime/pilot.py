@@ -19,10 +19,10 @@ from archerfish.runtime.deciders import Decider, WithFallback
 from archerfish.runtime.detections import CameraFrame, camera_frames
 from archerfish.safety.gate import GateState, GateVerdict, Mode, Reason
 from archerfish.safety.plausibility import (
-    THRESHOLD_RAD,
     Prediction,
     compare_with_prediction,
     resting_prediction,
+    thresholds,
 )
 from archerfish.task import Task
 from archerfish.tracking.clock_offset import ClockOffset
@@ -83,7 +83,8 @@ class Pilot:
         self._expected_speed = float(robot.muzzle_model().speed)
         self._latency = camera_latency(robot) if latency_s is None else latency_s
         self._feedback_latency = (robot.sensing.link.feedback_latency if robot.sensing else None) or 0.0
-        self._camera, self._gimbal = np.array(camera_m), robot.gimbal(task.period_s)
+        self._camera = np.array(camera_m)
+        self._gimbal, self._thresholds = robot.gimbal(task.period_s), thresholds(robot)
         self.restart()
 
     def restart(self) -> None:
@@ -210,9 +211,8 @@ class Pilot:
         for _ in range(min(round(elapsed / self._period), _MOST_PREDICTED) - 1):  # decisions that were left out
             past = past._replace(plant=advance(self._gimbal, past.plant, gate.command))
         is_sent = np.asarray(gate.mode != Mode.DISARMED)
-        threshold = np.float32(THRESHOLD_RAD)
         self._prediction, plausible = compare_with_prediction(
-            self._gimbal, threshold, past, gate.command, is_sent, angle, age
+            self._gimbal, self._thresholds, past, gate.command, is_sent, angle, age
         )
         return np.asarray(plausible)
 

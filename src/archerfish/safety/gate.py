@@ -74,6 +74,8 @@ class Reason(IntEnum):
     DECISION_LATE = 20
     IMPLAUSIBLE = 21
     """The gimbal does not do what its identified plant says."""
+    SETTLING = 22
+    """Armed so recently that the plant's prediction could not judge the feedback yet."""
 
     @property
     def text(self) -> str:
@@ -91,6 +93,7 @@ class GateState(NamedTuple):
     good_for: Array  # time for which the input has been good [s], B
     bad_for: Array  # time for which it has been bad [s], B
     since_shot: Array  # time since the last shot, or since the start [s], B
+    sent_for: Array  # time for which commands have been sent since it was armed, at most a period a decision [s], B
     switch_on: Array  # operator's switch at the last decision, 0 or 1, B
     cause: Array  # `Reason` why the input was bad, the last time that it was, B
     obstacle: Array  # `Reason` why the robot is not armed, or was not when the switch went on, B
@@ -137,6 +140,7 @@ def resting_gate(angle: Array) -> GateState:
         good_for=zero,
         bad_for=zero,
         since_shot=zero,
+        sent_for=zero,
         switch_on=xp.ones_like(zero),
         cause=xp.full_like(zero, float(Reason.STARTING)),
         obstacle=xp.full_like(zero, float(Reason.SWITCH_ON_AT_START)),
@@ -220,6 +224,8 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
     # The command. The first one is where the gimbal is. Where a decision was missed, the command has stood still since.
     # Where the range has turned over the command, it carries it along; that is no motion of the command's own.
     begins = (state.mode == Mode.DISARMED) | (mode == Mode.DISARMED)
+    decided_for = xp.minimum(elapsed, rules.period)  # the prediction takes a decision as a period, too
+    sent_for = xp.where(begins, zero, xp.minimum(state.sent_for + decided_for, _LONGEST_S))
     follows = ((mode == Mode.ARMED) & ~begins)[..., None]
     previous = xp.clip(xp.where(begins[..., None], measured, state.command), low, high)
     stood = begins | ~(elapsed < 1.5 * rules.period)
@@ -237,6 +243,7 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
         (~xp.all(xp.abs(measured - angle) <= rules.near, axis=-1), Reason.OFF_TARGET),
         (~(given.shots_left >= 1.0), Reason.HEAT),
         (since_shot < rules.interval - _TIMER_MARGIN_S, Reason.INTERVAL),
+        (sent_for < rules.settling - _TIMER_MARGIN_S, Reason.SETTLING),
     )
     fire = reason == Reason.NONE
     following = GateState(
@@ -247,6 +254,7 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
         good_for=good_for,
         bad_for=bad_for,
         since_shot=xp.where(fire, zero, since_shot),
+        sent_for=sent_for,
         switch_on=xp.where(on, xp.ones_like(zero), zero),
         cause=cause,
         obstacle=obstacle,

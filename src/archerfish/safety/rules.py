@@ -13,9 +13,11 @@ from archerfish.records.record import Struct
 from archerfish.robot import Robot
 from archerfish.task import Task
 
-STALE_S, LOST_S, STEADY_S, UNSEEN_S = 0.05, 0.1, 0.5, 0.25
+STALE_S, LOST_S, STEADY_S, UNSEEN_S, SETTLING_S = 0.05, 0.1, 0.5, 0.25, 0.3
 """Age of feedback that holds, time without good input that is a fault, time of good input before the robot may be
-armed, and time after which a plate counts as unseen [s]."""
+armed, time after which a plate counts as unseen, and time after arming in which nothing is fired [s]."""
+_SETTLING_PERIODS = 15  # nothing is fired in either, so that `plausibility` has judged three decisions before a shot
+_LATE_PERIODS = 2.5
 
 
 class Rules(NamedTuple):
@@ -28,6 +30,7 @@ class Rules(NamedTuple):
     lost: Array  # so long without good input, or feedback that is older, is a fault [s], ()
     steady: Array  # so long must the input be good before the robot may be armed [s], ()
     unseen: Array  # a plate that was not seen for longer is not shot at [s], ()
+    settling: Array  # so long after it was armed nothing is fired [s], ()
     interval: Array  # least time between shots [s], ()
     near: Array  # largest distance of the gimbal from its command at a shot [rad], ()
 
@@ -55,21 +58,25 @@ def gate_rules(robot: Robot, task: Task, config: GateConfig | None = None) -> Ru
       config: what is narrowed.
 
     Raises:
-      InputError: if the configuration is wider than the robot's limits, or the task limits commands by where the
-        target really is.
+      InputError: if the configuration is wider than the robot's limits, the task limits commands by where the target
+        really is, or decisions are so rare that one that is missing would be a fault.
     """
     if task.command_limit == "los-2deg":
         raise InputError("los-2deg limits commands by where the target really is, as no robot knows; take gate or box")
-    config = config or GateConfig()
-    period = task.period_s
+    config, period = config or GateConfig(), task.period_s
+    late = max(STALE_S, _LATE_PERIODS * period)
+    if late > LOST_S * (1.0 + 1e-9):
+        most = f"at most {1e3 * LOST_S / _LATE_PERIODS:g} ms between decisions, got {1e3 * period:g} ms"
+        raise InputError(f"task {task.name}: period_s: the gate needs {most}; choose a shorter period")
     rules = Rules(
         limits=robot.replace(limits=narrowed_limits(robot.limits, config)).command_limits(task),
         period=period,
         stale=STALE_S,
-        late=max(STALE_S, 2.5 * period),
+        late=late,
         lost=LOST_S,
         steady=STEADY_S,
         unseen=UNSEEN_S,
+        settling=max(SETTLING_S, _SETTLING_PERIODS * period),
         interval=1.0 / config.shots_per_s if config.shots_per_s else 0.0,
         near=np.radians(config.near_deg) if config.near_deg else NEVER,
     )

@@ -32,6 +32,7 @@ from archerfish.identification.axis.result import (
     gain_estimates,
     judged,
     pole_estimates,
+    validation_residual,
 )
 from archerfish.identification.axis.sources import AxisLogs, Source, read_sources
 from archerfish.identification.frequency import excited_band
@@ -146,7 +147,7 @@ def _result(found: AxisFit, logs: AxisLogs, axis: str, seed: int, early: list[Fi
     nonlinear = nonlinearity(found, logs.fitted)
     band = excited_band(logs.fitted)
     return AxisResult(
-        record=plant,
+        record=plant.replace(validation_residual=validation_residual(fits)),
         fits=tuple(fits),
         dc_gain=gain_estimates(found, drawn),
         given_gain=found.known_gain,

@@ -23,9 +23,11 @@ from archerfish.records.plant import PlantRecord
 from archerfish.reports.report import Result
 from archerfish.reports.style import Figure
 from archerfish.reports.table import Estimate
+from archerfish.safety.plausibility import IN_A_ROW
 
 _NEAR_BAND, _SCATTER = 1.5, 1 / 3  # of a natural frequency: beyond the band, and of its draws' logarithm
 _HARDLY_DAMPED, _LIGHT = 0.1, 0.01  # damping of a mode, and its share of an output's deviation, below which it is light
+_DECISION_S = 0.02  # between decisions of the usual tasks
 _MOVING = 0.3  # deviation of an output over that of the recording that moves most, from which a recording counts
 
 
@@ -117,6 +119,25 @@ def judged(fits: tuple[LogFit, ...]) -> LogFit:
     largest_spread = np.max([fit.recording.outputs.std(0) for fit in validation], axis=0)
     moving = [fit for fit in validation if np.any(fit.recording.outputs.std(0) >= _MOVING * largest_spread)]
     return min(moving, key=lambda fit: fit.fit_percent)
+
+
+def validation_residual(fits: Sequence[LogFit]) -> float | None:
+    """Return the largest residual that lasted `IN_A_ROW` decisions in a log that was held back; None without one.
+
+    Feedback is judged at decisions, which may fall anywhere between the samples: every sample begins some in a row.
+
+    Args:
+      fits: of recordings.
+    """
+    lasting = list[float]()
+    for fit in fits:
+        step = max(1, round(_DECISION_S / fit.recording.period_s))
+        residual = np.abs(fit.residual)
+        count = len(residual) - (IN_A_ROW - 1) * step
+        if fit.held_back and count > 0:
+            in_a_row = [residual[step * place :][:count] for place in range(IN_A_ROW)]
+            lasting.append(float(np.min(in_a_row, axis=0).max()))
+    return max(lasting, default=None)
 
 
 def gain_estimates(found: AxisFit, drawn: Sequence[PlantRecord]) -> tuple[Estimate, ...]:
