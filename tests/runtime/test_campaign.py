@@ -11,6 +11,7 @@ from archerfish.safety.gate import Mode
 from archerfish.task import Task
 
 pytest.importorskip("mujoco", reason="the virtual robot needs MuJoCo")
+from archerfish.studies.rehearse import SwingingPlate, emulated_robot
 from archerfish.virtual_robot.emulator import Fault
 
 ROOT = Path(__file__).parents[2]
@@ -75,6 +76,31 @@ def test_without_a_fallback_it_holds_and_is_a_fault():
     assert found.violations == {}
     assert not found.fire[found.time > BEGIN_S].any()
     assert found.mode[-1] == Mode.FAULT
+
+
+def test_on_the_line_nothing_overtakes_and_what_arrives_late_is_known_to_be_old(refused):
+    robot, task = RECORDS
+    faults = [
+        Fault("late", 0.3, 0.4),
+        Fault("burst", 0.7, 0.8),
+        Fault("silence", 0.35, 0.37),
+        Fault("flip", 0.35, 0.36),
+    ]
+    emulator = emulated_robot("infantry", robot, task, ["sp_vision_25"], SwingingPlate(), faults=faults)
+    ages, last_s = [], -1.0
+    for _ in range(500):
+        arrived = [delivery for delivery in emulator.advance(2) if not delivery.is_datagram and delivery.data]
+        times = [last_s, *(delivery.time_s for delivery in arrived)]
+        assert times == sorted(times)
+        last_s = times[-1]
+        ages.append(emulator.time - emulator.informed_s)
+    ages = dict(zip(range(2, 1002, 2), ages, strict=True))
+    assert (ages[298], ages[604], ages[802]) == pytest.approx((0.0, 0.0, 0.0), abs=0.003)
+    assert ages[498] == pytest.approx(0.2, abs=0.004)
+    assert ages[550] == pytest.approx(0.2, abs=0.004)  # of the first late one, and so on
+    assert ages[796] == pytest.approx(0.096, abs=0.004)
+    nan = [Fault("nan", 1.0, 2.0)]
+    refused("fault nan: the angles of this wire", emulated_robot, "infantry", *RECORDS, ["roborts"], None, faults=nan)
 
 
 def test_the_rules_of_the_campaign_find_what_breaks_them():

@@ -140,7 +140,7 @@ class Rehearsal(Record, frozen=True, kw_only=True):
         doubts = [f"{self.controller} was replaced by the fallback: {self.fault}."] if self.fault else []
         if has_records_alone:
             doubts.append("The robot was simulated from the records, which don't have friction, saturation or recoil.")
-        doubts.extend(f"Fault: {kind} from {begin:g} to {end:g} s." for kind, begin, end in self.faults)
+        faults = [f"Fault: {kind} from {begin:g} to {end:g} s." for kind, begin, end in self.faults]
         figures: list[tuple[str, Callable[[], Figure]]] = [("Pellets and hits", partial(_seconds, self))]
         if self.shots:
             figures.append(("Line of sight, command and gimbal at each shot", partial(_trajectory, self)))
@@ -154,6 +154,7 @@ class Rehearsal(Record, frozen=True, kw_only=True):
             known=(
                 f"{rate.hits} of {rate.decisions} decisions hit, {100.0 * rate.rate:.1f} %; one without fire misses.",
                 f"Plate {distance:g} m ahead that swings by {amplitude:g} m at {frequency:g} Hz.",
+                *faults,
                 f"Records of {self.robot}, a decision every {1e3 * self.period_s:g} ms.",
                 f"Seed {self.seed}, commit {self.commit}.",
                 "Virtual time: nothing was late, so nothing here is known of a computer's load.",
@@ -182,10 +183,13 @@ def _seconds(rehearsal: Rehearsal) -> Figure:
 
 def _trajectory(rehearsal: Rehearsal) -> Figure:
     shots = rehearsal.shots
-    angles = (np.degrees([getattr(shot, name) for shot in shots]) for name in ("line_of_sight", "command", "angle"))
-    misses = np.array([shot.miss_m or (math.nan, math.nan) for shot in shots])
     return trajectory(
-        np.array([shot.time_s for shot in shots]), *angles, misses, np.array([shot.is_hit for shot in shots])
+        np.array([shot.time_s for shot in shots]),
+        np.degrees([shot.line_of_sight for shot in shots]),
+        np.degrees([shot.command for shot in shots]),
+        np.degrees([shot.angle for shot in shots]),
+        np.array([shot.miss_m or (math.nan, math.nan) for shot in shots]),
+        np.array([shot.is_hit for shot in shots]),
     )
 
 

@@ -127,7 +127,8 @@ class Emulator:
         """When the newest undamaged report that has arrived would have done so without a fault [s]."""
         self._due, self._last_frame, self._line_free_s = list[float](), b"", -math.inf
         self._watchdog, self._commanded_s, self._repeat_s = watchdog_s, -math.inf, math.inf
-        self._queue = [*self._arrivals(self._robots.reset(np.zeros((1, 2)), target, lead_s=0.2))]
+        start = [min(max(0.0, axis.low), axis.high) for axis in (limits.pitch, limits.yaw)]
+        self._queue = [*self._arrivals(self._robots.reset(np.array([start]), target, lead_s=0.2))]
 
     @property
     def hits(self) -> list[tuple[float, bool]]:

@@ -52,11 +52,11 @@ class IdentifiedServo:
         steps = (step for step in range(1, _LONGEST_TICKS) if all(_is_whole(step / period) for period in periods))
         self._step = next(steps, _LONGEST_TICKS)  # one that suits neither plant is refused by the model
         self._model = gimbal_model(pitch, yaw, self._step * TICK_S)
-        low, high = ([getattr(axis, end) for axis in (robot.limits.pitch, robot.limits.yaw)] for end in ("low", "high"))
-        unused, self._seeds = np.zeros((len(seeds), 2)), seeds
-        self.drive = Drive(*[unused] * len(Drive._fields))._replace(
-            command_low=unused + low, command_high=unused + high
-        )
+        self._seeds, zero = seeds, np.zeros((len(seeds), 2))
+        low = zero + np.array([robot.limits.pitch.low, robot.limits.yaw.low])
+        high = zero + np.array([robot.limits.pitch.high, robot.limits.yaw.high])
+        # Of a drive the links need no more than the range of its commands.
+        self.drive = Drive(*[zero] * len(Drive._fields))._replace(command_low=low, command_high=high)
 
     def reset(self, command: Array) -> None:
         """Put the gimbals at rest under a command [rad], shape (B, 2)."""
