@@ -56,7 +56,7 @@ class Rehearse(Writes, ForRobot):
     """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
     where the search begins."""
     out: Annotated[Path | None, shown("FOLDER")] = None
-    """Folder for the result; ROBOT/rehearsal, or runs/rehearse without a robot."""
+    """Folder for the result; ROBOT/rehearsal if not given."""
 
     def run(self, options: str = "") -> Ending:
         """Rehearse, write."""
