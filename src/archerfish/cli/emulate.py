@@ -1,4 +1,4 @@
-"""`archerfish emulate`: a virtual robot behind a port."""
+"""`archerfish emulate`: an emulated robot behind a port."""
 
 import sys
 from dataclasses import dataclass
@@ -20,6 +20,7 @@ class Emulate(ForRobot):
 
     - prints the name of its port, a pseudo-terminal; detections go to the address in ROBOT/deploy.toml
     - the operator's switch goes on 1 s after the computer's first bytes; times of faults count from there, too
+    - without MuJoCo, or with --virtual identified, it is the robot of ROBOT's records: its plants, camera and muzzle
     - a plate swings before it; at the end hits, pellets and violations of the robot's limits are printed
 
     Examples:
@@ -27,11 +28,11 @@ class Emulate(ForRobot):
       archerfish emulate my-robot --fault silence 3 4 blind 6 7 --seconds 20
     """
 
-    virtual: Annotated[str, shown("NAME|FILE")] = "infantry"
-    """Virtual robot (infantry, worn), or its TOML file."""
+    virtual: Annotated[str, shown("NAME|FILE", "(default: infantry; without MuJoCo, identified)")] = ""
+    """Virtual robot (infantry, worn), its TOML file, or identified for the robot of the records."""
     fault: Annotated[tuple[tuple[str, float, float], ...], shown("KIND BEGIN END …")] = ()
     """What goes wrong, from when to when [s]: silence, flip, triple, garbage, frozen, nan, late, burst, camera-clock,
-    blind, nan-detections."""
+    blind, nan-detections, hidden."""
     seconds: float = float("inf")
     """After the computer's first bytes, when it ends by itself."""
     frequency_hz: float = SwingingPlate().frequency_hz
@@ -53,6 +54,7 @@ class Emulate(ForRobot):
             task,
             config.wires,
             SwingingPlate(frequency_hz=self.frequency_hz),
+            camera_m=config.detections.position_m,
             seed=self.seed,
             faults=[Fault(*fault) for fault in self.fault],
             watchdog_s=self.watchdog_s,
@@ -64,9 +66,9 @@ class Emulate(ForRobot):
             except KeyboardInterrupt:
                 print("", file=sys.stderr)  # noqa: T201
         late = f"; the robot was up to {1e3 * port.late_s:.0f} ms late, since this computer is too busy for it"
-        hits = sum(hit for _, hit in emulator.hits)
+        hits = sum(pellet.is_hit for pellet in emulator.pellets)
         violations = dict(+emulator.monitor.violations)
-        if not emulator.hits:
+        if not emulator.pellets:
             raise InputError("no pellet was fired; see what archerfish deploy says of its gate")
-        found = f"{hits} of {len(emulator.hits)} pellets hit; violations of the limits: {violations or 'none'}"
+        found = f"{hits} of {len(emulator.pellets)} pellets hit; violations of the limits: {violations or 'none'}"
         return Ending(found + (late if port.late_s > _LATE_S else ""), "nothing is written")

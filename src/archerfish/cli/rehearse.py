@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from archerfish.cli.options import Ending, ForRobot, Writes, shown
 from archerfish.runtime.configuration import read_config
 from archerfish.studies.rehearse import SwingingPlate, rehearse
+from archerfish.virtual_robot.emulator import Fault
 
 
 @dataclass(frozen=True)
@@ -15,9 +16,11 @@ class Rehearse(Writes, ForRobot):
 
     - the computer has ROBOT's records alone; reports and commands are frames of the wire, detections lines of JSON
     - the operator's switch goes on after 1 s; hits count from 1.5 s on, at a plate that swings from side to side
+    - without MuJoCo, or with --virtual identified, the robot is that of ROBOT's records: its plants, camera and muzzle
     - --task and --command-limit give decision period and limits alone; a policy has those of its training
     - ROBOT/deploy.toml has the wire, the controller, its fallback, the camera's place and the gate
-    - prints the hit rate with its 95 % interval, what became of the messages, and violations of the robot's limits
+    - prints the hit rate, from 500 pellets on with its 95 % interval, what became of the messages, and violations of
+      the robot's limits
     - writes rehearsal.json, report.html and run.json
 
     Wires:
@@ -35,8 +38,10 @@ class Rehearse(Writes, ForRobot):
     """A policy's file or folder, or a name of archerfish evaluate; ROBOT/policy if there is one, or kalman."""
     wire: Annotated[str, shown("NAME|FILE")] = ""
     """What travels between the computer and the robot; that of ROBOT/deploy.toml, or sp_vision_25."""
-    virtual: Annotated[str, shown("NAME|FILE")] = "infantry"
-    """Virtual robot (infantry, worn), or its TOML file."""
+    virtual: Annotated[str, shown("NAME|FILE", "(default: infantry; without MuJoCo, identified)")] = ""
+    """Virtual robot (infantry, worn), its TOML file, or identified for the robot of the records."""
+    fault: Annotated[tuple[tuple[str, float, float], ...], shown("KIND BEGIN END …")] = ()
+    """What goes wrong, from when to when [s], as archerfish emulate takes it; hidden 4 6 hides the plate."""
     seconds: int = 20
     """That count."""
     distance_m: float = SwingingPlate().distance_m
@@ -51,7 +56,7 @@ class Rehearse(Writes, ForRobot):
     """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
     where the search begins."""
     out: Annotated[Path | None, shown("FOLDER")] = None
-    """Folder for the result; ROBOT/rehearsal, or runs/rehearse without a robot."""
+    """Folder for the result; ROBOT/rehearsal if not given."""
 
     def run(self, options: str = "") -> Ending:
         """Rehearse, write."""
@@ -71,6 +76,7 @@ class Rehearse(Writes, ForRobot):
                 seed=self.seed,
                 target=SwingingPlate(self.distance_m, self.amplitude_m, self.frequency_hz),
                 tuning=self.tuning,
+                faults=[Fault(*fault) for fault in self.fault],
             )
             rehearsal.save(folder / "rehearsal.json")
             rehearsal.report.write_page(folder / "report.html")

@@ -15,7 +15,7 @@ from archerfish.virtual_robot.links import CameraLink, CommandLink, FeedbackLink
 from archerfish.virtual_robot.muzzle import Fired, LastShot, Launch, after_shot, allowed, deficit_at, launch
 from archerfish.virtual_robot.noise import NoiseStream
 from archerfish.virtual_robot.pellets import Arrival, Event, fly
-from archerfish.virtual_robot.servo import Servo
+from archerfish.virtual_robot.servo import GimbalServo, Servo
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,13 @@ class RobotBatch:
     """
 
     def __init__(
-        self, description: RobotDescription, batch: int, seeds: NDArray[np.int64], *, enforce_referee: bool = False
+        self,
+        description: RobotDescription,
+        batch: int,
+        seeds: NDArray[np.int64],
+        *,
+        enforce_referee: bool = False,
+        servo: GimbalServo | None = None,
     ) -> None:
         """Build the robots; `reset` must follow.
 
@@ -43,6 +49,7 @@ class RobotBatch:
           batch: number of trials B.
           seeds: of the trials, whole numbers from 0 on, shape (B,). A trial's noise depends on its seed alone.
           enforce_referee: whether limits of rate and heat withhold shots.
+          servo: of as many gimbals, in the place of the firmware and the gimbal of the description.
 
         Raises:
           InputError: if batch or seeds can't be used, or MuJoCo is missing.
@@ -57,7 +64,7 @@ class RobotBatch:
         self.batch = batch
         self._enforce_referee = enforce_referee
         self._seeds = found.astype(np.int64)
-        self._servo = Servo(description, self._seeds)
+        self._servo = servo or Servo(description, self._seeds)
         self._tick = 0
 
     @property
@@ -150,7 +157,7 @@ class RobotBatch:
         fired, _, arrival, measured = self._fired(normals, fire, beyond_plate)
         plate = target.position(now + np.nan_to_num(arrival.time))
         miss = np.where(fired[:, None], arrival.position[:, 1:] - plate[:, 1:], np.nan)
-        return Flight(miss, np.where(fired, arrival.time, np.nan), self._servo.physics.angle, measured, fired)
+        return Flight(miss, np.where(fired, arrival.time, np.nan), self._servo.angle, measured, fired)
 
     def shoot_down(self, normals: Array, fire: Fired | None = None) -> Landing:
         """Fire one pellet now, and follow it to the ground; arguments as for `shoot`, shape (B, 3) and (B,)."""
@@ -158,7 +165,7 @@ class RobotBatch:
         fired, launched, arrival, measured = self._fired(
             normals, fire, lambda _, place: np.asarray(floor_m - place[:, 2])
         )
-        level = self._servo.physics.angle * [0.0, 1.0]
+        level = self._servo.angle * [0.0, 1.0]
         forward, left, _ = into_gimbal(gimbal_axes(level), arrival.position - launched.position).T
         distance, lateral = np.where(fired, [np.hypot(forward, left), left], np.nan)
         return Landing(distance, lateral, measured)
@@ -166,18 +173,18 @@ class RobotBatch:
     def truth(self) -> TrueState:
         """Return the true mechanics, for tests and plots, never for controllers."""
         servo = self._servo
-        return TrueState(servo.physics.angle, servo.physics.rate, self._commands.in_force, servo.torque)
+        return TrueState(servo.angle, servo.rate, self._commands.in_force, servo.torque)
 
     def _fired(self, normals: Array, fire: Fired | None, event: Event) -> tuple[Fired, Launch, Arrival, Array]:
         """Return which robots fired, their pellets, where these arrive, and the measured speeds [m/s], shape (B,)."""
-        muzzle, rules, physics = self.description.muzzle, self.description.referee, self._servo.physics
+        muzzle, rules, servo = self.description.muzzle, self.description.referee, self._servo
         fired = np.ones(self.batch, bool) if fire is None else np.array(fire, bool)
         if self._enforce_referee:
             fired &= allowed(rules, self._last_shot, self.time)
         deficit = deficit_at(muzzle, self._last_shot, self.time)
-        launched = launch(muzzle, deficit, physics.angle, physics.rate, normals)
+        launched = launch(muzzle, deficit, servo.angle, servo.rate, normals)
         self._last_shot = after_shot(muzzle, rules, self._last_shot, self.time, fired)
-        self._servo.kick(fired)
+        servo.kick(fired)
         noise = self._speed_noise.rows(self._shots, 1)[:, 0, 0]
         self._shots += 1
         measured = np.where(fired, launched.speed + muzzle.speed_sensor_sd_m_s * noise, np.nan)

@@ -13,28 +13,30 @@ from typing import NamedTuple
 import numpy as np
 
 from archerfish.errors import InputError, meant
+from archerfish.messages import Numbers
 from archerfish.records.limits import LimitsRecord
 from archerfish.virtual_robot.batch import MovingPlate, RobotBatch
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
 from archerfish.virtual_robot.flights import Received
 from archerfish.virtual_robot.monitor import TRANSIT_S, CommandMonitor
+from archerfish.virtual_robot.servo import GimbalServo
 from archerfish.wires import Stream
 from archerfish.wires.wire import TableWire
 
 _CAMERA_CLOCK_S, _OTHER_CLOCK_S = 54_321.5, 3600.0  # the camera's clock, and another one, less the robot's
 _LATE_S = 0.2
 _DAMAGES: dict[str, Callable[[bytes, random.Random], bytes]] = {
-    "silence": lambda _, __: b"",
     "flip": lambda frame, rng: _flipped(frame, rng.randrange(8 * len(frame))),
     "triple": lambda frame, _: 3 * frame,
     "garbage": lambda frame, rng: (
         rng.randbytes(rng.randrange(60)) + frame[: rng.choice([len(frame), rng.randrange(len(frame))])]
     ),
+    "silence": lambda _, __: b"",
 }
-"""What happens to the bytes of a frame."""
-_MISINFORMING = ("silence", "flip", "frozen", "nan", "late", "burst")
-FAULTS = (*_DAMAGES, "frozen", "nan", "late", "burst", "camera-clock", "blind", "nan-detections")
-"""Kinds of faults: of the frames, with late ones 0.2 s late and a burst's all at its end, then of the camera."""
+"""What happens to the bytes of a frame, in this order."""
+FAULTS = (*_DAMAGES, "frozen", "nan", "late", "burst", "camera-clock", "blind", "nan-detections", "hidden")
+"""Kinds of faults: of the frames, with late ones 0.2 s late and a burst's all at its end, then of the camera; a hidden
+plate is in none of its frames."""
 
 
 class Fault(NamedTuple):
@@ -51,6 +53,18 @@ class Delivery(NamedTuple):
     time_s: float  # since the start
     is_datagram: bool  # of the camera, else bytes of the wire
     data: bytes  # of some frames, or of a datagram
+    informs_s: float = -math.inf  # when the undamaged report in it would have arrived without a fault, since the start
+
+
+class Pellet(NamedTuple):
+    """A pellet as it leaves, and what becomes of it."""
+
+    time_s: float  # since the start
+    is_hit: bool  # whether it hits the plate
+    command: Numbers  # in force: pitch and yaw [rad], (2,)
+    angle: Numbers  # of the gimbal: pitch and yaw [rad], (2,)
+    plate: Numbers  # where the plate is, in O [m], (3,)
+    miss: Numbers  # where it passes the plate's centre: left and up [m], NaN if never, (2,)
 
 
 class Emulator:
@@ -68,6 +82,7 @@ class Emulator:
         switch_on_s: Sequence[tuple[float, float]] = ((1.0, math.inf),),
         faults: Sequence[Fault] = (),
         watchdog_s: float = 0.0,
+        servo: GimbalServo | None = None,
     ) -> None:
         """Start the robot.
 
@@ -82,6 +97,7 @@ class Emulator:
           faults: what goes wrong.
           watchdog_s: for so long the microcontroller goes on firing, a pellet a period, if no command comes; with 0 a
             command fires one pellet [s].
+          servo: of one gimbal, in the place of the description's.
 
         Raises:
           InputError: if there is no such kind of fault, or the wire can't be emulated.
@@ -94,8 +110,10 @@ class Emulator:
                 got = f"got {fault.begin_s:g} and {fault.end_s:g} s"
                 raise InputError(f"fault {fault.kind}: expected a begin before its end, {got}; exchange them")
         wire.check_complete()
-        self._robots = RobotBatch(description, 1, np.array([seed]))
-        self._hit_radius, self._period = description.referee.hit_radius_m, period_s
+        if wire.layouts[wire.report].step("yaw") and any(fault.kind == "nan" for fault in faults):
+            raise InputError("fault nan: the angles of this wire are whole numbers; choose another fault, or flip")
+        self._robots = RobotBatch(description, 1, np.array([seed]), servo=servo)
+        self._target, self._hit_radius, self._period = target, description.referee.hit_radius_m, period_s
         self._wire, self._switch_times, self._faults = wire, switch_on_s, faults
         self._stream = Stream(wire.layouts[name] for name, table in wire.tables.items() if table.sent)
         self._rng, self._normals = random.Random(seed), np.random.default_rng(seed)
@@ -103,11 +121,19 @@ class Emulator:
         self.monitor = CommandMonitor(limits, period_s, step)
         self.trial_s = 0.0
         """From here on count the times of the switch and of faults [s]."""
-        self.hits = list[tuple[float, bool]]()
-        """When each pellet left [s], and whether it hit."""
-        self._due, self._queue, self._last_frame, self._informed_s = list[float](), list[Delivery](), b"", -math.inf
+        self.pellets = list[Pellet]()
+        """That have left."""
+        self.informed_s = -math.inf
+        """When the newest undamaged report that has arrived would have done so without a fault [s]."""
+        self._due, self._last_frame, self._line_free_s = list[float](), b"", -math.inf
         self._watchdog, self._commanded_s, self._repeat_s = watchdog_s, -math.inf, math.inf
-        self._queue = [*self._arrivals(self._robots.reset(np.zeros((1, 2)), target, lead_s=0.2))]
+        start = [float(np.clip(0.0, *axis.ends)) for axis in (limits.pitch, limits.yaw)]
+        self._queue = [*self._arrivals(self._robots.reset(np.array([start]), target, lead_s=0.2))]
+
+    @property
+    def hits(self) -> list[tuple[float, bool]]:
+        """When each pellet left [s], and whether it hit."""
+        return [(pellet.time_s, pellet.is_hit) for pellet in self.pellets]
 
     @property
     def time(self) -> float:
@@ -125,6 +151,7 @@ class Emulator:
         self._queue.sort(key=lambda arrival: arrival.time_s)
         arrived = [arrival for arrival in self._queue if arrival.time_s <= self.time]
         self._queue = self._queue[len(arrived) :]
+        self.informed_s = max([self.informed_s, *(arrival.informs_s for arrival in arrived)])
         return arrived
 
     def on_bytes(self, data: bytes) -> None:
@@ -141,8 +168,8 @@ class Emulator:
                 if np.all(np.isfinite(angle)):
                     self._robots.send(np.array([angle]))
             if states == {"fire"}:
-                was_on = self._switch_at(self.time - TRANSIT_S)  # as the computer could know
-                self.monitor.fire(self.time, self._informed_s, was_on or self.is_switch_on)
+                was_on = self._switch_at(min(self.time - TRANSIT_S, self.informed_s))  # as the computer could know
+                self.monitor.fire(self.time, self.informed_s, was_on or self.is_switch_on)
                 self._due.append(self.time + self._period)
                 self._repeat_s = self.time + 2.0 * self._period
 
@@ -154,7 +181,9 @@ class Emulator:
             self._repeat_s += self._period
         while self._due and self._due[0] <= now:
             flight = self._robots.shoot(self._normals.standard_normal((1, 3)))
-            self.hits.append((self._due.pop(0), bool(np.linalg.norm(flight.miss) <= self._hit_radius)))
+            plate = self._target.position(np.array([self.time]))
+            command, is_hit = self._robots.truth().command, bool(np.linalg.norm(flight.miss) <= self._hit_radius)
+            self.pellets.append(Pellet(self._due.pop(0), is_hit, command[0], flight.angle[0], plate[0], flight.miss[0]))
 
     @property
     def is_switch_on(self) -> bool:
@@ -178,47 +207,46 @@ class Emulator:
         feedback, detections = received.feedback, received.detections
         for place in np.flatnonzero(~np.isnan(feedback.received_s[0])):
             time = float(feedback.received_s[0, place])
-            frame = self._report(time, feedback.angle[0, place], feedback.rate[0, place])
-            yield self._on_line(time, frame)
+            yield self._on_line(time, self._report(time, feedback.angle[0, place], feedback.rate[0, place]))
         for place in np.flatnonzero(~np.isnan(detections.received_s[0])):
             time = float(detections.received_s[0, place])
             stamp = float(detections.exposed_s[0, place]) + _CAMERA_CLOCK_S
             stamp += _OTHER_CLOCK_S * self._has("camera-clock", time)
             plates = detections.position[0, place][detections.found[0, place]].tolist()
+            plates = [] if self._has("hidden", time) else plates
             plates = [[math.nan, 0.0, 0.0]] if self._has("nan-detections", time) else plates
             if not self._has("blind", time):
                 yield Delivery(time, True, json.dumps({"stamp": stamp, "plates": plates}).encode())
 
-    def _report(self, time: float, angle: np.ndarray, rate: np.ndarray) -> bytes:
-        """Return the frame of a report."""
+    def _report(self, time: float, angle: Numbers, rate: Numbers) -> dict[str, float]:
+        """Return the values of a report."""
         (pitch, yaw), (pitch_rate, yaw_rate) = angle.tolist(), rate.tolist()
-        if self._has("nan", time):
-            yaw = math.nan
         values = {"pitch": pitch, "yaw": yaw, "pitch_rate": pitch_rate, "yaw_rate": yaw_rate}
         values |= {"pitch_encoder": pitch, "yaw_encoder": yaw}  # the chassis stands
-        values |= {"sequence": round(1e3 * time) % 256, "shots": len(self.hits) % 256}
-        name = self._wire.report
-        switch_on = self._wire.tables[name].switch_on
+        values |= {"sequence": round(1e3 * time) % 256, "shots": len(self.pellets) % 256}
         is_on = self._switch_at(time)
-        values |= {field: number if is_on else float(not number) for field, number in switch_on.items()}
-        layout = self._wire.layouts[name]
-        return layout.encode({field: value for field, value in values.items() if field in layout.names})
+        switch_on = self._wire.tables[self._wire.report].switch_on
+        return values | {field: number if is_on else float(not number) for field, number in switch_on.items()}
 
-    def _on_line(self, time: float, frame: bytes) -> Delivery:
-        """Return a frame as it arrives, and when."""
+    def _on_line(self, time: float, values: dict[str, float]) -> Delivery:
+        """Return a report as it arrives, and when; on a line nothing overtakes."""
+        layout = self._wire.layouts[self._wire.report]
+        values = {field: value for field, value in values.items() if field in layout.names}
+        true = layout.encode(values)
+        frame = layout.encode(values | {"yaw": math.nan}) if self._has("nan", time) else true
         if self._has("frozen", time):
             frame = self._last_frame or frame
         self._last_frame = frame
         for kind, damage in _DAMAGES.items():
             if self._has(kind, time):
                 frame = damage(frame, self._rng)
-        if not any(self._has(kind, time) for kind in _MISINFORMING):
-            self._informed_s = time
         arrives = time + _LATE_S * self._has("late", time)
         if self._has("burst", time):
             ends = [fault.end_s + self.trial_s for fault in self._faults if fault.kind == "burst"]
-            arrives = min(end for end in ends if time < end)
-        return Delivery(arrives, False, frame)
+            arrives = max(arrives, min(end for end in ends if time < end))
+        if frame:
+            self._line_free_s = arrives = max(arrives, self._line_free_s)
+        return Delivery(arrives, False, frame, time if true in frame else -math.inf)
 
 
 def _flipped(frame: bytes, bit: int) -> bytes:

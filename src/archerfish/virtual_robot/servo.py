@@ -1,12 +1,19 @@
 """Firmware, motors and mechanics together, tick by tick: the closed loop of a batch of gimbals."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
-from archerfish.virtual_robot.firmware import encoder_angle, filtered_rate, firmware_torque, make_drive, motor_torque
+from archerfish.virtual_robot.firmware import (
+    Drive,
+    encoder_angle,
+    filtered_rate,
+    firmware_torque,
+    make_drive,
+    motor_torque,
+)
 from archerfish.virtual_robot.mujoco_gimbal import MujocoGimbal
 from archerfish.virtual_robot.noise import NoiseStream
 
@@ -20,8 +27,34 @@ class Motion(NamedTuple):
     gyro: Array  # filtered, at the beginning of each tick [rad/s], (n, B, 2)
 
 
+class GimbalServo(Protocol):
+    """What follows commands: the closed loop of B gimbals."""
+
+    drive: Drive
+    """Its command range, and its encoder."""
+    torque: Array
+    """Of the motors over the last tick [N·m], (B, 2)."""
+
+    @property
+    def angle(self) -> Array:
+        """True pitch and yaw [rad], shape (B, 2)."""
+
+    @property
+    def rate(self) -> Array:
+        """True rates [rad/s], shape (B, 2)."""
+
+    def reset(self, command: Array) -> None:
+        """Put the gimbals at rest where a command [rad] holds them, shape (B, 2)."""
+
+    def kick(self, fired: NDArray[np.bool_]) -> None:
+        """Let the recoil of a shot act in the next tick on those that fired, shape (B,)."""
+
+    def run(self, commands: Array) -> Motion:
+        """Run n ticks under the commands in force in each, within the servo's range [rad], shape (n, B, 2)."""
+
+
 class Servo:
-    """The closed loop of B gimbals; `reset` must follow."""
+    """The closed loop of B gimbals in MuJoCo; `reset` must follow."""
 
     def __init__(self, robot: RobotDescription, seeds: NDArray[np.int64]) -> None:
         self.drive = make_drive(robot, len(seeds))
@@ -29,6 +62,16 @@ class Servo:
         self._recoil_per_shot = np.array([robot.gimbal.pitch.recoil_n_m_s, robot.gimbal.yaw.recoil_n_m_s])
         self._bus_ticks = robot.firmware.bus_delay_ms
         self._seeds = seeds
+
+    @property
+    def angle(self) -> Array:
+        """True pitch and yaw [rad], shape (B, 2)."""
+        return self.physics.angle
+
+    @property
+    def rate(self) -> Array:
+        """True rates [rad/s], shape (B, 2)."""
+        return self.physics.rate
 
     def reset(self, command: Array) -> None:
         """Put the gimbals at rest where a command [rad] holds them, shape (B, 2)."""
