@@ -113,8 +113,10 @@ class Compared:
 
     def __init__(self, folder: Path) -> None:
         """Begin to count."""
-        self.folder, self.c, self.state, self.counts = folder, None, None, collections.Counter[str]()
-        self.jax, self.largest = jax.jit(gate), 0.0
+        self.folder, self.counts, self.largest = folder, collections.Counter[str](), 0.0
+        self.c: Gate | None = None
+        self.state: GateState | None = None
+        self.jax = jax.jit(gate)
 
     def step(self, rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, GateVerdict]:
         """Decide, compare."""
