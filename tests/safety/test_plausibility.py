@@ -80,6 +80,7 @@ def test_three_decisions_in_a_row_above_the_threshold_are_implausible_until_the_
         *(True, True, True),
     ]
     assert all(judged([*still, *[large, large, small] * 9])[0])
+    assert all(judged(still * 3, threshold=0.0)[0])
     assert all(judged([*still, *[large] * 9], threshold=np.array([1.0, 1.0]) - 0.99 * np.eye(2)[1 - axis])[0])
     assert not all(judged([*still, *[large] * 9], threshold=np.array([1.0, 1.0]) - 0.99 * np.eye(2)[axis])[0])
 
