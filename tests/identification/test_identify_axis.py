@@ -12,6 +12,7 @@ from archerfish.identification.axis.fit import fit_axis
 from archerfish.identification.axis.identify import identify_axis
 from archerfish.identification.axis.plateaus import plateau_gain
 from archerfish.identification.axis.report import shortfalls
+from archerfish.identification.axis.result import validation_residual
 from archerfish.identification.axis.sources import read_sources
 from archerfish.identification.simulation import simulate
 from archerfish.logs.recording import Recording
@@ -51,6 +52,24 @@ def test_order_delay_gain_and_poles_are_those_of_the_plant_within_their_interval
     assert np.abs(np.linalg.eigvals(found.record.draws["A"])).max() < 1
     assert [each.held_back for each in found.fits] == [True, False, False]
     assert min(each.fit_percent for each in found.fits) > 98
+
+
+def test_the_validation_residual_is_the_largest_that_lasts_three_decisions_in_a_log_that_was_held_back(found):
+    (held,) = [fit for fit in found.fits if fit.held_back]
+    residual = np.abs(held.recording.outputs[:, 0] - held.run.outputs[:, 0])
+    lasting = [min(residual[at], residual[at + 4], residual[at + 8]) for at in range(2000 - 8)]  # 20 ms are 4 samples
+    assert found.record.validation_residual == max(lasting)
+    spike, plateau, brief = np.zeros((3, 2000))
+    spike[900], plateau[900:909], brief[900:908] = 5.0, 0.2, 5.0
+
+    def with_residual(extra, is_held=True):
+        outputs = held.run.outputs + extra[:, None]
+        return replace(held, recording=replace(held.recording, outputs=outputs), held_back=is_held)
+
+    assert [validation_residual([with_residual(extra)]) for extra in (spike, brief)] == [0.0, 0.0]
+    assert validation_residual([with_residual(-plateau), with_residual(spike)]) == pytest.approx(0.2)
+    assert validation_residual([with_residual(plateau, is_held=False)]) is None
+    assert validation_residual([]) is None
 
 
 def test_a_log_that_is_repeated_counts_once_and_one_that_is_fitted_is_not_held_back():

@@ -2,9 +2,9 @@
 
 It finds what no checksum, sequence number or age shows: an axis with the wrong sign or unit, axes exchanged, feedback
 that is late or stuck, a motor that is off. The plant must be that of the robot as it is: benchmarks/plausibility.py has
-the false alarms of a worn robot. A motor whose torque ends makes a linear plant wrong in fast motions, so the residual
-that is tolerated grows with the distance of the command from the predicted angle, and shrinks again in tenths of a
-second. An offset by less than that is found when the motion has ended.
+the false alarms of a worn robot with the plant of a good one. In the fastest motions the torque of a motor is limited
+and a linear plant is wrong. So the residual that is tolerated grows with the square of the distance of the command from
+the predicted angle, and shrinks again in tenths of a second; an offset below that is found when the motion has ended.
 """
 
 from typing import NamedTuple
@@ -22,10 +22,9 @@ THRESHOLD_RAD = 0.03
 IN_A_ROW = 3
 """Decisions with a larger residual until the feedback is implausible."""
 _LEAST_THRESHOLD_RAD = 0.01  # of the best plant: a coarse wire and a jitter of its latency make some mrad
-_RESIDUALS = (
-    10.0  # threshold over the validation residual: validation has motions of some degrees, targets ask for more
-)
-_LEAD_SHARE, _LEAD_KEPT = 0.3, 0.9  # of the largest lead of late that is tolerated, and that is left after a decision
+_RESIDUALS = 10.0  # threshold over the validation residual, whose motions are of some degrees: targets ask for more
+_TOLERATED = 5.0  # residual per square of the largest lead of late [1/rad]: 10 mrad at 45 mrad, as for 1 rad/s
+_LEAD_KEPT = 0.95  # share of the largest lead that is left after a decision
 _SETTLING = 10  # decisions after the start that are not judged: the gimbal may have been moving
 
 
@@ -90,7 +89,7 @@ def compare_with_prediction(
     predicted = gimbal_angle(model, plant)
     expected = predicted - age[..., None] * gimbal_rate(model, plant)
     lead = xp.maximum(_LEAD_KEPT * past.lead, xp.abs(command - predicted))
-    is_large = xp.any(xp.abs(angle - expected) > lift(threshold, lead) + _LEAD_SHARE * lead, axis=-1)
+    is_large = xp.any(xp.abs(angle - expected) > lift(threshold, lead) + _TOLERATED * lead * lead, axis=-1)
     above = xp.where(is_large & (past.decisions >= _SETTLING), past.above + 1.0, xp.zeros_like(past.above))
     going_on = Prediction(plant, lead, past.decisions + 1.0, above)
     following = select(is_sent, going_on, resting_prediction(model, place))

@@ -53,10 +53,9 @@ class IdentifiedServo:
         self._step = next(steps, _LONGEST_TICKS)  # one that suits neither plant is refused by the model
         self._model = gimbal_model(pitch, yaw, self._step * TICK_S)
         self._seeds, zero = seeds, np.zeros((len(seeds), 2))
-        low = zero + np.array([robot.limits.pitch.low, robot.limits.yaw.low])
-        high = zero + np.array([robot.limits.pitch.high, robot.limits.yaw.high])
+        low, high = np.transpose([robot.limits.pitch.ends, robot.limits.yaw.ends])
         # Of a drive the links need no more than the range of its commands.
-        self.drive = Drive(*[zero] * len(Drive._fields))._replace(command_low=low, command_high=high)
+        self.drive = Drive(*[zero] * len(Drive._fields))._replace(command_low=zero + low, command_high=zero + high)
 
     def reset(self, command: Array) -> None:
         """Put the gimbals at rest under a command [rad], shape (B, 2)."""
