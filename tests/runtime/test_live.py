@@ -14,6 +14,12 @@ import pytest
 
 pytest.importorskip("serial", reason="pyserial is not installed")
 pytest.importorskip("mujoco", reason="the virtual robot needs MuJoCo")
+from archerfish.robot import Robot
+from archerfish.runtime.configuration import DeployConfig, DetectionsConfig
+from archerfish.studies.live_rehearsal import rehearse_live
+from archerfish.task import Task
+from archerfish.virtual_robot.emulator import Fault
+
 INFANTRY = Path(__file__).parents[1] / "infantry"
 
 
@@ -57,3 +63,19 @@ def test_an_emulated_robot_is_shot_with_and_the_fire_ends_with_the_program(tmp_p
     if how == signal.SIGTERM:
         assert "kalman on infantry through" in found
         assert "not fired: disarmed" in found
+
+
+@pytest.mark.parametrize("virtual", ["infantry", "identified"])
+def test_a_rehearsal_in_real_time_shoots_and_says_how_late_it_was(virtual):
+    address = f"127.0.0.1:{20_000 + os.getpid() % 20_000}"
+    config = DeployConfig(wires=("roborts",), detections=DetectionsConfig(address=address))
+    robot, task = Robot.load(INFANTRY), Task.load("any")
+    found = rehearse_live("no-lead", robot, task, config, virtual=virtual, seconds=2, tuning="start")
+    assert 10 < sum(found.fired) <= 101
+    assert "Real time, " in str(found)
+
+
+def test_what_the_robot_s_process_refuses_is_said(refused):
+    robot, task = Robot.load(INFANTRY), Task.load("any")
+    faults = [Fault("flap", 1.0, 2.0)]
+    refused("perhaps you meant flip", rehearse_live, "no-lead", robot, task, DeployConfig(), faults=faults)

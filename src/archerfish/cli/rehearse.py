@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from archerfish.cli.options import Ending, ForRobot, Writes, shown
 from archerfish.runtime.configuration import read_config
+from archerfish.studies.live_rehearsal import rehearse_live
 from archerfish.studies.rehearse import SwingingPlate, rehearse
 from archerfish.virtual_robot.emulator import Fault
 
@@ -27,6 +28,8 @@ class Rehearse(Writes, ForRobot):
       sp_vision_25  one frame up and one down, angles in radians
       roborts       angles in 0.1°, fire in a frame of its own
       FILE.toml     your own, as those that come with Archerfish are written
+
+    --live is on this computer's clock, as with hardware, and shows what its load costs.
 
     Examples:
       archerfish rehearse my-robot
@@ -55,6 +58,8 @@ class Rehearse(Writes, ForRobot):
     tuning: Annotated[Literal["kept", "start"], shown("kept|start", "(default: kept)")] = "kept"
     """Settings of a classical controller: those that are kept, which are searched for where there are none, or those
     where the search begins."""
+    live: bool = False
+    """In real time: the robot in a process of its own, at the other end of a pseudo-terminal, and archerfish deploy."""
     out: Annotated[Path | None, shown("FOLDER")] = None
     """Folder for the result; ROBOT/rehearsal if not given."""
 
@@ -65,19 +70,19 @@ class Rehearse(Writes, ForRobot):
         controller = self.robot_controller(self.controller or config.controller.mode)
         out = self.out or (self.folder / "rehearsal" if self.folder else Path("runs/rehearse"))
         with self.written(out, "rehearse", options, (), ("rehearsal.json", "report.html")) as folder:
-            rehearsal = rehearse(
-                controller,
-                robot,
-                task,
-                virtual=self.virtual,
-                wire=[self.wire] if self.wire else config.wires,
-                config=config,
-                seconds=self.seconds,
-                seed=self.seed,
-                target=SwingingPlate(self.distance_m, self.amplitude_m, self.frequency_hz),
-                tuning=self.tuning,
-                faults=[Fault(*fault) for fault in self.fault],
-            )
+            given: dict[str, Any] = {
+                "virtual": self.virtual,
+                "seconds": self.seconds,
+                "seed": self.seed,
+                "target": SwingingPlate(self.distance_m, self.amplitude_m, self.frequency_hz),
+                "tuning": self.tuning,
+                "faults": [Fault(*fault) for fault in self.fault],
+            }
+            wires = (self.wire,) if self.wire else config.wires
+            if self.live:
+                rehearsal = rehearse_live(controller, robot, task, config.replace(wires=wires), **given)
+            else:
+                rehearsal = rehearse(controller, robot, task, wire=wires, config=config, **given)
             rehearsal.save(folder / "rehearsal.json")
             rehearsal.report.write_page(folder / "report.html")
         return Ending(f"{rehearsal}", f"open {out / 'report.html'}; every count is in {out / 'rehearsal.json'}")

@@ -81,7 +81,7 @@ class Deployment(Reported):
 
 
 def deploy(
-    controller: str,
+    controller: ControllerLike,
     robot: Robot,
     task: Task,
     config: DeployConfig,
@@ -97,7 +97,7 @@ def deploy(
     Ctrl-C and SIGTERM end it; whatever ends it, the last frame ends the fire.
 
     Args:
-      controller: a policy or a name; of the configuration, if it is empty.
+      controller: as `export` takes it; that of the configuration, if it is an empty name.
       robot: its records.
       task: decision period and limits; a policy has those of its training.
       config: of deploy.toml.
@@ -124,7 +124,7 @@ def deploy(
         if not port:
             raise InputError("expected that of the robot, such as /dev/ttyACM0, got none; write it, or give --port")
         SerialPort(port, config.baud).close()
-    controller = controller or config.controller.mode or "kalman"
+    controller = config.controller.mode or "kalman" if controller == "" else controller
     name, decider, task = decider_of(controller, robot, task, config, tuning, in_c=in_c)
     pilot = Pilot(decider, robot, task, wire, camera_m=config.detections.position_m, latency_s=latency_s)
     with setting("detections.address"):

@@ -5,7 +5,7 @@ Without MuJoCo, or where it is chosen, the robot is that of the records: see `vi
 
 import importlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -106,6 +106,8 @@ class Rehearsal(Record, frozen=True, kw_only=True):
     """That the robot had."""
     shots: tuple[RehearsedShot, ...] = ()
     """Each pellet that counts."""
+    conditions: Text = "Virtual time: nothing was late, so nothing here is known of a computer's load."
+    """Under which it ran, as a sentence."""
 
     @property
     def rate(self) -> HitRate:
@@ -156,7 +158,7 @@ class Rehearsal(Record, frozen=True, kw_only=True):
                 *faults,
                 f"Records of {self.robot}, a decision every {1e3 * self.period_s:g} ms.",
                 f"Seed {self.seed}, commit {self.commit}.",
-                "Virtual time: nothing was late, so nothing here is known of a computer's load.",
+                self.conditions,
             ),
             tables=(Table("Messages at the computer", ("", "count"), tuple(self.messages.items())),),
             figures=tuple(figures),
@@ -244,7 +246,7 @@ def rehearse(
     """
     if seconds < 2:
         raise InputError(f"seconds must be at least 2, got {seconds}; choose more")
-    virtual, robot, target = _found(virtual), Robot.of(robot), target or SwingingPlate()
+    virtual, robot, target = found_robot(virtual), Robot.of(robot), target or SwingingPlate()
     if robot.sensing is None:
         remedy = "name the folder of a robot whose logs of timing were identified: archerfish rehearse my-robot"
         raise InputError(f"{robot.name} has no record of its camera and link, which a rehearsal needs; {remedy}")
@@ -258,28 +260,36 @@ def rehearse(
         while emulator.time < COUNTED_FROM_S + seconds:
             in_lockstep(pilot, emulator, task.period_s)
             advance(max(0.0, emulator.time - COUNTED_FROM_S))
-    # A pellet leaves a period after its decision, so that those of a second are in (begin, end].
-    begin_s = COUNTED_FROM_S + 0.5 * TICK_S
-    shots = [_rehearsed(pellet) for pellet in emulator.pellets if begin_s < pellet.time_s < begin_s + seconds]
-    second = np.array([math.ceil(shot.time_s - begin_s) - 1 for shot in shots], int)
-    is_hit = np.array([shot.is_hit for shot in shots], bool)
     return Rehearsal(
         robot=robot.name,
-        virtual=virtual if isinstance(virtual, str) else virtual.name,
+        virtual=robot_name(virtual),
         wire="+".join(Path(name).stem for name in wires),
         controller=name,
         target=(*target,),
         period_s=task.period_s,
         seed=seed,
-        commit=code_commit(),
-        hits=tuple(np.bincount(second[is_hit], minlength=seconds).tolist()),
-        fired=tuple(np.bincount(second, minlength=seconds).tolist()),
         messages=dict(pilot.counts),
         violations=dict(+emulator.monitor.violations),
         fault=getattr(decider, "fault", ""),
         faults=tuple(faults),
-        shots=tuple(shots),
+        **counted(emulator.pellets, seconds),
     )
+
+
+def counted(pellets: Iterable[Pellet], seconds: int) -> dict[str, Any]:
+    """Return what a `Rehearsal` has of the pellets that count.
+
+    Args:
+      pellets: with their times since the switch could go on, less a second.
+      seconds: that count.
+    """
+    # A pellet leaves a period after its decision, so that those of a second are in (begin, end].
+    begin_s = COUNTED_FROM_S + 0.5 * TICK_S
+    shots = [_rehearsed(pellet) for pellet in pellets if begin_s < pellet.time_s < begin_s + seconds]
+    second = np.array([math.ceil(shot.time_s - begin_s) - 1 for shot in shots], int)
+    is_hit = np.array([shot.is_hit for shot in shots], bool)
+    hits, fired = (np.bincount(chosen, minlength=seconds).tolist() for chosen in (second[is_hit], second))
+    return {"hits": tuple(hits), "fired": tuple(fired), "shots": tuple(shots), "commit": code_commit()}
 
 
 def _rehearsed(pellet: Pellet) -> RehearsedShot:
@@ -292,7 +302,7 @@ def _rehearsed(pellet: Pellet) -> RehearsedShot:
     )
 
 
-def _found(virtual: VirtualRobot | str | Path) -> VirtualRobot | str:
+def found_robot(virtual: VirtualRobot | str | Path) -> VirtualRobot | str:
     """Return a virtual robot, or the name of that of the records, which is there without MuJoCo."""
     if not virtual:
         try:
@@ -302,6 +312,11 @@ def _found(virtual: VirtualRobot | str | Path) -> VirtualRobot | str:
     if isinstance(virtual, VirtualRobot) or virtual == IDENTIFIED:
         return virtual
     return VirtualRobot.load(virtual or "infantry")
+
+
+def robot_name(virtual: VirtualRobot | str) -> str:
+    """Return the name of what `found_robot` returns."""
+    return virtual if isinstance(virtual, str) else virtual.name
 
 
 def emulated_robot(
@@ -337,7 +352,7 @@ def emulated_robot(
     wire = load_wire(*wires)
     if not isinstance(wire, TableWire):
         raise InputError(f"wire {wires[0]}: expected tables, whose other end can be emulated; name a TOML file")
-    virtual, servo = _found(virtual), None
+    virtual, servo = found_robot(virtual), None
     if isinstance(virtual, VirtualRobot):
         description = virtual.description
     else:
