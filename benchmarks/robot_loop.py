@@ -45,7 +45,7 @@ def measured(seconds: float, processes: int) -> dict[str, object]:
         emulator = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         assert emulator.stdout is not None
         [port] = re.findall(r"^port (\S+)", emulator.stdout.readline())
-        config = DeployConfig(detections=DetectionsConfig(address=address))
+        config = DeployConfig(detections=DetectionsConfig(address=address), yaw_reference="fixed-chassis")
         begun = time.process_time()
         found = deploy(
             "kalman", af.Robot.load(robot), af.Task.load("any"), config, port=port, seconds=seconds, tuning="start"

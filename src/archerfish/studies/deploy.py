@@ -117,7 +117,7 @@ def deploy(
     name = controller or config.controller.mode or "kalman"
     with setting("controller.mode", name == config.controller.mode):
         name, made, task = for_robot(name, robot, task, tuning)
-    if config.controller.fallback != name:
+    if config.controller.fallback not in ("", name):
         with setting("controller.fallback"):
             _, fallback, _ = for_robot(config.controller.fallback, robot, task, tuning)
         made = WithFallback(made, fallback, _LONGEST * task.period_s)
