@@ -66,7 +66,7 @@ def measured(
         emulator = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         assert emulator.stdout is not None
         [port] = re.findall(r"^port (\S+)", emulator.stdout.readline())
-        config = DeployConfig(detections=DetectionsConfig(address=address))
+        config = DeployConfig(detections=DetectionsConfig(address=address), yaw_reference="fixed-chassis")
         begun, resources = time.process_time(), Resources()
         found = deploy(
             "kalman",

@@ -15,6 +15,8 @@ docs/bring_your_own.md has an example of each noun, and tables of the fields of 
   `at(time)` returns `Plates`.
 - **A block** of an observation is a function of an `Observer` and its `View` of a decision.
 - **A reward** (`RewardFunction`) is a function of a `Shot`, a `Command` and what is seen after it.
+- **A wire** decodes frames of bytes, described by `Layout`s, into `WireReports` with the gimbal's `Feedback`, and
+  encodes commands; docs/deployment.md has an example.
 - **A world** (`World`) lets an `Engagement` pass decision by decision; `af.make_world` makes one that can be wrapped.
 """
 
@@ -26,6 +28,7 @@ from archerfish.controllers.predictors.predictor import Predictor
 from archerfish.dynamics.aiming import aim_at, intercept
 from archerfish.learning.player import Player
 from archerfish.learning.reward import RewardFunction
+from archerfish.messages import Feedback
 from archerfish.protocols import (
     Barrel,
     Base,
@@ -43,10 +46,13 @@ from archerfish.protocols import (
     aim,
 )
 from archerfish.tracking.detections import Detection, first_detection, update_with_frames
+from archerfish.wires.layout import Layout
+from archerfish.wires.wire import WireReports
 
 __all__ = [
-    "Barrel", "Base", "Command", "Controller", "Detection", "DirectAim", "Engagement", "Frames", "GimbalFeedback",
-    "Observer", "Plates", "Player", "Predictor", "RewardFunction", "Seen", "Shot", "Target", "Truth", "View", "World",
+    "Barrel", "Base", "Command", "Controller", "Detection", "DirectAim", "Engagement", "Feedback", "Frames",
+    "GimbalFeedback", "Layout", "Observer", "Plates", "Player", "Predictor", "RewardFunction", "Seen", "Shot", "Target",
+    "Truth", "View", "WireReports", "World",
     "aim", "aim_at", "first_detection", "intercept", "make_preview_aim", "map_arrays", "namespace", "select", "tree",
     "update_with_frames",
 ]  # fmt: skip

@@ -59,7 +59,7 @@ def test_a_port_has_one_user(terminal, refused, monkeypatch):
 def test_a_port_that_cannot_be_opened_is_refused_with_its_cause(terminal, refused, tmp_path):
     refused(r"port /dev/ttyNone: there is no such port; there (are|is)", SerialPort, "/dev/ttyNone")
     Path(terminal).chmod(0)
-    with without_rights(), pytest.raises(InputError, match="this user may not open it; add the user to its group, "):
+    with without_rights(), pytest.raises(InputError, match="this user may not open it; add the user to its group"):
         SerialPort(terminal)
     file = tmp_path / "file"
     file.touch()

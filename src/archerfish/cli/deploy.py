@@ -27,7 +27,7 @@ class Deploy(ForRobot):
       f and Enter
     - holds on feedback older than 50 ms, fires never then; a fault after 100 ms, until the switch was off
     - Ctrl-C, SIGTERM or a fault of the program: the last frame ends the fire
-    - ROBOT/deploy.toml has port, wire, camera and limits (docs/deployment.md)
+    - ROBOT/deploy.toml has port, wire, camera and limits, and what the yaw counts from (docs/deployment.md)
 
     Examples:
       archerfish emulate my-robot

@@ -45,7 +45,7 @@ class ControllerConfig(Struct, frozen=True, kw_only=True):
     mode: Text = ""
     """A name of archerfish evaluate, or a policy; the folder's policy if there is one, else kalman."""
     fallback: Text = "kalman"
-    """Decides from the first fault of the other one on."""
+    """Decides from the first fault of the other one on; "" for none."""
 
 
 class DeployConfig(Struct, frozen=True, kw_only=True):

@@ -83,7 +83,7 @@ class Pilot:
         self._expected_speed = float(robot.muzzle_model().speed)
         self._latency = camera_latency(robot) if latency_s is None else latency_s
         self._feedback_latency = (robot.sensing.link.feedback_latency if robot.sensing else None) or 0.0
-        self._camera = np.array(camera_m)
+        self._camera, self._middle_yaw = np.array(camera_m), float(np.mean(robot.limits.yaw.ends))
         self._gimbal, self._thresholds = robot.gimbal(task.period_s), thresholds(robot)
         self.restart()
 
@@ -103,7 +103,8 @@ class Pilot:
         self._gate_before: GateState | None = None  # the last decision, until that is taken back
         self._prediction: Prediction | None = None
         self._raw_yaw = 0.0
-        self._base_yaw: float | None = None  # of the chassis, without jumps of a turn [rad]
+        # Of the chassis, without jumps of a turn; a wire that reports it must have done so [rad].
+        self._base_yaw = np.nan if getattr(self._wire, "has_base_yaw", False) else 0.0
 
     def on_bytes(self, now: float, data: bytes) -> None:
         """Take bytes that the microcontroller sent.
@@ -195,7 +196,7 @@ class Pilot:
             "gimbal_age": age,
             "frame_age": now - plate.exposed_s[0] if is_new else 0.0,
             "muzzle_speed": self._expected_speed,
-            "base_yaw": self._base_yaw or 0.0,
+            "base_yaw": self._base_yaw,
             "shots_left": self._shots_left,
             "angle": reports.angle[0, -1],
             "rate": reports.rate[0],
@@ -253,7 +254,11 @@ class Pilot:
                 continue
             self._reports.append((sampled, feedback.angle[place], feedback.rate[place]))
             self._raw_yaw = float(feedback.angle[place, 1])
-            self._base_yaw = _unwrapped_base(float(reports.base_yaw[place]), self._raw_yaw, self._base_yaw)
+            base_yaw = float(reports.base_yaw[place])
+            if np.isfinite(base_yaw):
+                # At first the encoder's yaw is taken as less than half a turn from the middle of its range.
+                near = self._base_yaw if np.isfinite(self._base_yaw) else self._raw_yaw - self._middle_yaw
+                self._base_yaw = near + (base_yaw - near + np.pi) % (2.0 * np.pi) - np.pi
             self.muzzle_speed = float(reports.muzzle_speed[place])
             shots_left = float(reports.shots_left[place])
             # The latest heat stands in each report: only another one is news, and shots of since count.
@@ -294,18 +299,3 @@ class Pilot:
         self._frames.clear()
         self._plate_in_world = None
         return self._host
-
-
-def _unwrapped_base(base_yaw: float, yaw: float, before: float | None) -> float | None:
-    """Return the yaw of the chassis without jumps of a turn [rad].
-
-    Args:
-      base_yaw: as reported, in [−π, π), or NaN where it is not known [rad].
-      yaw: of the gimbal, in the same report [rad]; the encoder's yaw, less than half a turn, is the difference.
-      before: that of the report before [rad], or None.
-    """
-    if np.isnan(base_yaw):
-        return before
-    near = yaw if before is None else before
-    turned = (base_yaw - near + np.pi) % (2.0 * np.pi) - np.pi
-    return float(near + turned)

@@ -147,20 +147,13 @@ def _problem(name: str, error: Exception) -> str:
     """Return why a port can't be opened, and what to do about it."""
     code = getattr(error, "errno", None) or next(iter(getattr(error.__context__, "args", ())), None)
     if code in (errno.EACCES, errno.EPERM):
-        return f"this user may not open it; add the user to its group, {_group(name)}, and log in again"
+        return f"this user may not open it; add the user to its group (ls -l {name} shows it), and log in again"
     if code in (errno.EAGAIN, errno.EBUSY):
         return f"another program has it; end that one (fuser -v {name} shows it)"
     if code == errno.ENOENT:
         return f"there is no such port; {_ports()}"
     reason = os.strerror(code) if isinstance(code, int) else one_line(str(error))[:200]
     return f"can't be used as a serial port ({reason}); {_ports()}"
-
-
-def _group(name: str) -> str:
-    """Return the group of a device, which may open it."""
-    with contextlib.suppress(OSError, KeyError, NotImplementedError):
-        return Path(name).group()
-    return "dialout or uucp"
 
 
 def _ports() -> str:
