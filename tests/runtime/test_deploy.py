@@ -39,14 +39,14 @@ class Aims:
     def reset(self, seen):
         if self.fails == "raises at once":
             raise KeyError("plate")
-        return np.zeros(())
+        return np.zeros(1)
 
     def step(self, state, seen):
         self.asked += 1
         failing = self.asked > ARMED_AFTER + 2 and self.fails
         if failing == "raises":
             raise ZeroDivisionError("by a distance")
-        return state, aim(np.array([0.0, np.nan if failing == "nan" else self.yaw]))
+        return state, aim(np.array([[0.0, np.nan if failing == "nan" else self.yaw]]))
 
 
 ARMED_AFTER = 30

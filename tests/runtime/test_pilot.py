@@ -28,10 +28,10 @@ class Asks:
     """A controller that asks for one angle, and keeps what it sees."""
 
     def __init__(self, *angle):
-        self.angle, self.seen = np.array(angle), []
+        self.angle, self.seen = np.array([angle]), []
 
     def reset(self, seen, truth=None):
-        return np.zeros(())
+        return np.zeros(1)
 
     def step(self, state, seen):
         self.seen.append(seen)
@@ -92,9 +92,9 @@ def test_a_plate_is_placed_by_the_gimbal_at_its_exposure_whatever_the_clock_of_t
     run(pilot, 10, yaw=lambda time: 2.0 * time, plate=turned)
     for seen in controller.seen[3:]:
         assert seen.frames.found.all()
-        np.testing.assert_allclose(seen.frames.position[0, 0], true, atol=3e-3)
+        np.testing.assert_allclose(seen.frames.position[0, 0, 0], true, atol=3e-3)
         np.testing.assert_allclose(seen.frames.age, LATENCY, atol=1e-4)
-    np.testing.assert_allclose([seen.elapsed for seen in controller.seen[-3:]], 0.02, rtol=1e-3)
+    np.testing.assert_allclose([seen.elapsed[0] for seen in controller.seen[-3:]], 0.02, rtol=1e-3)
 
 
 def ahead(exposed):
@@ -132,10 +132,10 @@ def test_the_yaw_of_a_chassis_that_turns_goes_on_without_jumps_and_the_encoder_i
         values = {"yaw": yaw, "yaw_encoder": encoder, "pitch": 0.1, "pitch_rate": 1e-3 * number}
         pilot.on_bytes(100.0 + 0.02 * number, wire.layouts[wire.report].encode(values))
         pilot.tick(100.0 + 0.02 * number)
-    found = np.array([seen.base.yaw for seen in controller.seen])
+    found = np.array([seen.base.yaw[0] for seen in controller.seen])
     first = 2.0 * math.pi * round((found[0] - 2.52) / (2.0 * math.pi))
     np.testing.assert_allclose(found - first, 2.5 + 0.02 * np.arange(1, 201), atol=0.01)
-    angles = np.array([seen.gimbal.angle[1] for seen in controller.seen])
+    angles = np.array([seen.gimbal.angle[0, 1] for seen in controller.seen])
     np.testing.assert_allclose(angles - found, 0.9 * np.sin(0.1 * np.arange(1, 201)), atol=0.01)
 
 
@@ -150,7 +150,7 @@ def test_damaged_messages_are_counted_and_change_nothing():
         pilot.on_bytes(101.01, data)
     pilot.on_bytes(101.01, report(1.0, math.nan) + report(1.0, 0.0) + report(1.0, 0.0) + report(2.0, 1e4))
     assert sent(pilot, 101.02)[0] == 2
-    np.testing.assert_allclose(controller.seen[-1].gimbal.angle, [0.1, 0.0], atol=1e-7)
+    np.testing.assert_allclose(controller.seen[-1].gimbal.angle, [[0.1, 0.0]], atol=1e-7)
     expected = {"refused datagrams": len(bad) - 1, "reports out of range": 2, "repeated frames": 1}
     assert {name: pilot.counts[name] for name in expected} == expected  # of no bytes there are no lines
 

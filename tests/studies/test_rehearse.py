@@ -61,3 +61,9 @@ def test_what_cannot_be_rehearsed_is_refused_at_once(refused):
     refused("seconds must be at least 2", rehearse, "kalman", INFANTRY, seconds=1)
     refused("there is no wire", load_wire, "canbus")
     refused("no robot 'worm'", rehearse, "kalman", INFANTRY, virtual="worm")
+
+
+def test_with_the_referee_s_heat_a_burst_is_followed_by_what_cools():
+    found = rehearse("no-lead", INFANTRY, wire=["sp_vision_25", "referee"], seconds=5, tuning="start")
+    assert sum(found.fired[:2]) > 10
+    assert found.fired[2:] == (4, 4, 4)

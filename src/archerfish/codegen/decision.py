@@ -99,9 +99,10 @@ class Gated:
 
         before = state.inner
         if xp is not np or np.any(begins):
-            before = select(begins, self.controller.reset(seen), before)
+            before = _one_of(begins, self.controller.reset(seen), before)
         inner, asked = self.controller.step(before, seen)
-        arrays = [xp.reshape(array, (*zero.shape, -1)) for array in (asked.angle, *leaves(inner))]
+        numbers = [asked.angle, *(leaf for leaf in leaves(inner) if hasattr(leaf, "shape"))]
+        arrays = [xp.reshape(array, (*zero.shape, -1)) for array in numbers]
         finite = [xp.all(xp.abs(array) <= _FINITE, axis=-1) for array in arrays]
         is_finite = is_usable & functools.reduce(operator.and_, finite)
         desired = select(is_lost, command, asked.angle)
@@ -125,9 +126,18 @@ class Gated:
             plate_age=xp.where(forgets, zero + UNSEEN_AGE, age),
             waited=xp.where(is_usable, zero, waited),
             begins=xp.where(still_begins, zero + 1.0, zero),
-            inner=select(is_finite, inner, state.inner),
+            inner=_one_of(is_finite, inner, before),
         )
         return kept, verdict
+
+
+def _one_of(condition: Array, one: Any, other: Any) -> Any:
+    """Choose as `select` does, between memories of any kind where the batch agrees: a user's need not be arrays."""
+    if namespace(condition) is np and np.all(condition):
+        return one
+    if namespace(condition) is np and not np.any(condition):
+        return other
+    return select(condition, one, other)
 
 
 def seen_of(given: Mapping[str, Array], command: Array) -> Seen:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from archerfish.arrays import map_arrays
 from archerfish.codegen.decision import Gated
 from archerfish.codegen.library import library_of
 from archerfish.errors import one_line
@@ -39,7 +40,7 @@ class Decider(Protocol):
 
 
 class NumpyDecider:
-    """A gated controller in NumPy; where the controller raises, the gate gets no command."""
+    """A gated controller in NumPy, a batch of one; where the controller raises, the gate gets no command."""
 
     def __init__(self, gated: Gated) -> None:
         """Begin without a memory."""
@@ -49,27 +50,33 @@ class NumpyDecider:
 
     def reset(self) -> None:
         """Forget everything; a controller that raises here raises in the next decision, too."""
-        self._state = self._without.reset()
+        self._state = map_arrays(_one, self._without.reset())
 
     @property
     def gate(self) -> GateState:
         """See `Decider.gate`."""
-        return self._state.gate
+        return GateState(*(array[0] for array in self._state.gate))
 
     @gate.setter
     def gate(self, state: GateState) -> None:
-        self._state = self._state._replace(gate=state)
+        self._state = self._state._replace(gate=map_arrays(_one, state))
 
     def decide(self, given: Mapping[str, Any]) -> tuple[GateVerdict, int]:
         """See `Decider.decide`."""
         self.error = ""
+        given = {name: _one(value) for name, value in given.items()}
         try:
             self._state, verdict = self._gated.step(self._state, given)
         except Exception as error:  # whatever a controller raises, the gate decides
             self.error = one_line(f"{type(error).__name__}: {error}")[:200]
-            state, verdict = self._without.step(self._state._replace(inner=np.zeros(())), given)
-            self._state = self._without.reset()._replace(gate=state.gate)
-        return verdict, int(self._state.gate.good_for <= 0.0)
+            begun = self._state._replace(begins=np.ones(1, np.float32))
+            self._state, verdict = self._without.step(begun, given)
+        return GateVerdict(*(array[0] for array in verdict)), int(self._state.gate.good_for[0] <= 0.0)
+
+
+def _one(value: Any) -> Any:
+    """Return a batch of one."""
+    return np.asarray(value)[None]
 
 
 class WithFallback:
@@ -178,4 +185,4 @@ class _NoCommand:
     def step(self, state: Any, seen: Seen) -> tuple[Any, Command]:
         """Return a command that the gate takes for none."""
         nothing = np.full_like(seen.command, np.nan)
-        return state, Command(nothing, nothing, np.zeros((), bool), np.full((), np.nan))
+        return state, Command(nothing, nothing, seen.elapsed < 0.0, nothing[..., 0])

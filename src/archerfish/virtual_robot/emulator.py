@@ -25,6 +25,8 @@ from archerfish.wires.wire import TableWire
 
 _CAMERA_CLOCK_S, _OTHER_CLOCK_S = 54_321.5, 3600.0  # the camera's clock, and another one, less the robot's
 _LATE_S = 0.2
+_HEAT_LIMIT, _HEAT_OF_SHOT, _COOLING = 200.0, 10.0, 40.0  # of a 17 mm barrel in RoboMaster, cooling in 1/s
+_REFEREE_S = 0.1  # between frames of the referee system
 _DAMAGES: dict[str, Callable[[bytes, random.Random], bytes]] = {
     "flip": lambda frame, rng: _flipped(frame, rng.randrange(8 * len(frame))),
     "triple": lambda frame, _: 3 * frame,
@@ -126,6 +128,9 @@ class Emulator:
         self.informed_s = -math.inf
         """When the newest undamaged report that has arrived would have done so without a fault [s]."""
         self._due, self._last_frame, self._line_free_s = list[float](), b"", -math.inf
+        others = [name for name, table in wire.tables.items() if name != wire.report and not table.sent]
+        self._of_referee = [wire.layouts[name] for name in others if "shots_left" in wire.layouts[name].names]
+        self._heat, self._cooled_s, self._referee_s = 0.0, 0.0, -math.inf
         self._watchdog, self._commanded_s, self._repeat_s = watchdog_s, -math.inf, math.inf
         start = [float(np.clip(0.0, *axis.ends)) for axis in (limits.pitch, limits.yaw)]
         self._queue = [*self._arrivals(self._robots.reset(np.array([start]), target, lead_s=0.2))]
@@ -183,6 +188,7 @@ class Emulator:
             flight = self._robots.shoot(self._normals.standard_normal((1, 3)))
             plate = self._target.position(np.array([self.time]))
             command, is_hit = self._robots.truth().command, bool(np.linalg.norm(flight.miss) <= self._hit_radius)
+            self._heat += _HEAT_OF_SHOT
             self.pellets.append(Pellet(self._due.pop(0), is_hit, command[0], flight.angle[0], plate[0], flight.miss[0]))
 
     @property
@@ -208,6 +214,10 @@ class Emulator:
         for place in np.flatnonzero(~np.isnan(feedback.received_s[0])):
             time = float(feedback.received_s[0, place])
             yield self._on_line(time, self._report(time, feedback.angle[0, place], feedback.rate[0, place]))
+            if time >= self._referee_s:
+                self._referee_s = time + _REFEREE_S
+                for layout in self._of_referee:
+                    yield Delivery(time, False, layout.encode({"shots_left": self._shots_left(time)}), -math.inf)
         for place in np.flatnonzero(~np.isnan(detections.received_s[0])):
             time = float(detections.received_s[0, place])
             stamp = float(detections.exposed_s[0, place]) + _CAMERA_CLOCK_S
@@ -218,12 +228,19 @@ class Emulator:
             if not self._has("blind", time):
                 yield Delivery(time, True, json.dumps({"stamp": stamp, "plates": plates}).encode())
 
+    def _shots_left(self, time: float) -> float:
+        """Return the shots that the heat limit allows, and let the barrel cool."""
+        self._heat = max(0.0, self._heat - _COOLING * (time - self._cooled_s))
+        self._cooled_s = time
+        return max(0.0, math.floor((_HEAT_LIMIT - self._heat) / _HEAT_OF_SHOT))
+
     def _report(self, time: float, angle: Numbers, rate: Numbers) -> dict[str, float]:
         """Return the values of a report."""
         (pitch, yaw), (pitch_rate, yaw_rate) = angle.tolist(), rate.tolist()
         values = {"pitch": pitch, "yaw": yaw, "pitch_rate": pitch_rate, "yaw_rate": yaw_rate}
         values |= {"pitch_encoder": pitch, "yaw_encoder": yaw}  # the chassis stands
         values |= {"sequence": round(1e3 * time) % 256, "shots": len(self.pellets) % 256}
+        values |= {"shots_left": self._shots_left(time)}
         is_on = self._switch_at(time)
         switch_on = self._wire.tables[self._wire.report].switch_on
         return values | {field: number if is_on else float(not number) for field, number in switch_on.items()}
