@@ -168,6 +168,12 @@ def test_a_shot_that_is_not_fired_has_a_reason(field, reason):
         assert outcome(ARMED, given(**{field: value})) == ("ARMED", reason, "NONE")
 
 
+def test_a_command_that_the_limits_change_by_20_mrad_is_an_aim_yet():
+    ends_ahead = RULES._replace(limits=RULES.limits._replace(high=F([0.1, 0.0])))
+    assert outcome(ARMED, given(desired=[0, 0.02]), rules=ends_ahead) == FIRES
+    assert outcome(ARMED, given(desired=[0, np.nextafter(F(0.02), F(1))]), rules=ends_ahead)[1] == "LIMITED"
+
+
 def test_reasons_come_in_their_order_and_the_configured_ones_are_kept():
     strict = gate_rules(ROBOT, TASK, GateConfig(near_deg=2.0, shots_per_s=10.0))
     state, _ = after(ARMED, *[ON] * 5, rules=strict)
@@ -185,6 +191,11 @@ def test_reasons_come_in_their_order_and_the_configured_ones_are_kept():
         assert outcome(shot, given(**changes), rules=strict)[1] == reason
     for angle, reason in (([strict.near, 0], "NONE"), ([0.036, 0], "OFF_TARGET"), ([0, -0.036], "OFF_TARGET")):
         assert outcome(shot, *[given(fire=False)] * 4, given(angle=angle), rules=strict)[1] == reason
+    aside = {"angle": [0, 0.3], "desired": [0, 0.3]}
+    there, _ = after(START, *[given(switch_on=False, **aside)] * 25, *[given(**aside)] * 16, rules=strict)
+    quiet = [given(fire=False, **aside)] * 4
+    for angle, reason in (([0, 0.3], "NONE"), ([0, -0.3], "OFF_TARGET")):
+        assert outcome(there, *quiet, given(desired=[0, 0.3], angle=angle), rules=strict)[1] == reason
     fired, state = [], shot
     for _ in range(20):
         state, verdict = gate(strict, state, ON)
