@@ -30,7 +30,7 @@ from archerfish.wires import Stream, load_wire
 from archerfish.wires.wire import TableWire
 
 RESULT = ROOT / "benchmarks" / "results" / "robot_end.json"
-TIMES, ADDRESS = 10, ("127.0.0.1", 20_000 + os.getpid() % 20_000)
+TIMES, ADDRESS = 10, f"127.0.0.1:{20_000 + os.getpid() % 20_000}"
 WIRE = load_wire("sp_vision_25")
 assert isinstance(WIRE, TableWire)
 COMMAND = WIRE.layouts["command"]
@@ -121,7 +121,7 @@ def main() -> None:
     rows: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
         folder, link = shutil.copytree(ROOT / "tests" / "infantry", Path(name) / "infantry"), Path(name) / "port"
-        lines = f'yaw_reference = "fixed-chassis"\ndetections.address = "{ADDRESS[0]}:{ADDRESS[1]}"\n'
+        lines = f'yaw_reference = "fixed-chassis"\ndetections.address = "{ADDRESS}"\n'
         (folder / "deploy.toml").write_text(lines)
         trials = {sent.name: partial(ended, how=sent) for sent in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)}
         for label, trial in (trials | {"port back": back}).items():

@@ -47,7 +47,6 @@ class Emulate(ForRobot):
         del options
         robot, task = self.robot_and_task()
         config = read_config(self.folder)
-        host, _, number = config.detections.address.rpartition(":")
         emulator = emulated_robot(
             self.virtual,
             robot,
@@ -59,7 +58,7 @@ class Emulate(ForRobot):
             faults=[Fault(*fault) for fault in self.fault],
             watchdog_s=self.watchdog_s,
         )
-        with EmulatorPort(emulator, (host.strip("[]"), int(number))) as port:
+        with EmulatorPort(emulator, config.detections.address) as port:
             print(f"port {port.name}\narcherfish deploy {self.robot or 'paper'} --port {port.name}", flush=True)  # noqa: T201
             try:
                 port.run(lambda: False, self.seconds)

@@ -26,7 +26,7 @@ from archerfish.codegen.decision import (
 from archerfish.errors import InputError
 from archerfish.provenance import code_commit
 from archerfish.robot import Robot
-from archerfish.safety.gate import GateState, GateVerdict
+from archerfish.safety.gate import GateState, GateVerdict, resting_gate
 from archerfish.storage import write_bytes
 from archerfish.task import Task
 
@@ -46,7 +46,7 @@ class Library:
       angle: of the verdict: pitch and yaw to send [rad], shape (2,).
       codes: of the verdict: fire, mode, reason and cause, shape (4,).
       memory: numbers that are remembered; those of the gate come first, shape (n,).
-      error: what the controller raised: nothing, in C.
+      error, fault: what the controller raised: nothing, in C.
       language: C.
     """
 
@@ -69,7 +69,8 @@ class Library:
             self.seen[field] = view.view(np.int32) if field in TRUTHS else view
             at += size
         self.angle, self.codes = verdict[:2], verdict[2:].view(np.int32)
-        self.error, self.language = "", "C"
+        self.error = self.fault = ""
+        self.language = "C"
         self._buffers = numbers, verdict
         self._arguments = [ctypes.c_void_p(each.ctypes.data) for each in (self.memory, numbers, verdict)]
         self._decide, self._reset = loaded[linked[0]], loaded[f"{name}_reset"]
@@ -79,6 +80,7 @@ class Library:
     def reset(self) -> None:
         """Forget everything; the gate is disarmed."""
         self._reset(self._arguments[0])
+        self.gate = resting_gate(np.zeros(2, np.float32))
 
     def new_target(self) -> None:
         """Forget the target; the gate's mode stays."""

@@ -16,7 +16,7 @@ from archerfish.errors import one_line
 from archerfish.protocols import Command, Controller, Seen, Truth
 from archerfish.robot import Robot
 from archerfish.safety.gate import GateState, GateVerdict, Reason
-from archerfish.safety.rules import GateConfig, gate_rules
+from archerfish.safety.rules import LOST_S, GateConfig, gate_rules
 from archerfish.task import Task
 
 _LATE_IN_A_ROW = 3
@@ -29,6 +29,8 @@ class Decider(Protocol):
     """State of the gate after the last decision, shape (); setting it takes a decision back."""
     error: str
     """What the controller raised in the last decision; empty if nothing."""
+    fault: str
+    """What was wrong with the controller first; empty while nothing was."""
     language: str
     """C or NumPy."""
 
@@ -45,7 +47,7 @@ class NumpyDecider:
     def __init__(self, gated: Gated) -> None:
         """Begin without a memory."""
         self._gated, self._without = gated, Gated(_NoCommand(), gated.rules)
-        self.error, self.language = "", "NumPy"
+        self.error, self.fault, self.language = "", "", "NumPy"
         self.reset()
 
     def reset(self) -> None:
@@ -67,8 +69,9 @@ class NumpyDecider:
         given = {name: _one(value) for name, value in given.items()}
         try:
             self._state, verdict = self._gated.step(self._state, given)
-        except Exception as error:  # whatever a controller raises, the gate decides
+        except (Exception, SystemExit) as error:  # whatever a controller raises, the gate decides
             self.error = one_line(f"{type(error).__name__}: {error}")[:200]
+            self.fault = self.fault or self.error
             begun = self._state._replace(begins=np.ones(1, np.float32))
             self._state, verdict = self._without.step(begun, given)
         return GateVerdict(*(array[0] for array in verdict)), int(self._state.gate.good_for[0] <= 0.0)
@@ -94,7 +97,8 @@ class WithFallback:
         Args:
           first: decides until its first fault: it raises, its command is not finite or absurd, or it is late.
           fallback: decides from then on, and where it is chosen.
-          longest_s: that a decision of the first one may take; three longer ones in a row are a fault [s].
+          longest_s: that a decision of the first one may take; three longer ones in a row are a fault, as is one of
+            more than 0.1 s [s].
           clock: by which that is measured [s].
         """
         self._first, self._fallback = first, fallback
@@ -147,6 +151,8 @@ class WithFallback:
             return self._first.error
         if status and self._first.gate.cause == Reason.NO_COMMAND:
             return "its command is not finite, or absurd"
+        if took > max(LOST_S, self._longest):
+            return f"it took {1e3 * took:.0f} ms"
         if self._late >= _LATE_IN_A_ROW:
             return f"it took {1e3 * took:.1f} ms, {self._late} times in a row"
         return ""

@@ -19,6 +19,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from archerfish.reports.table import Table
+from archerfish.safety.rules import LOST_S, STALE_S
 from archerfish.wires.transports import DatagramPort, Port
 
 _WAKE_S = 0.005  # between looks at what arrived, while there is time
@@ -30,7 +31,12 @@ _MOST_READS, _MOST_DATAGRAMS = 256, 8  # that wait; the oldest are lost
 _LEAST_SHARE = 0.6  # of a period between decisions: the gate takes less than half of one for a fault
 _READING, _WRITING, _DECIDING = 55, 54, 50  # priorities, where the system allows them
 _LOCK_NOW_AND_LATER = 3  # MCL_CURRENT | MCL_FUTURE
-_clock = time.monotonic
+_BOOT_CLOCK: int | None = getattr(time, "CLOCK_BOOTTIME", None)
+
+
+def _clock() -> float:
+    """Return the computer's time, which goes on while it sleeps, where the system has such a clock [s]."""
+    return time.clock_gettime(_BOOT_CLOCK) if _BOOT_CLOCK is not None else time.monotonic()
 
 
 class Deciding(Protocol):
@@ -185,8 +191,13 @@ class RobotLoop:
                     self._unsent.pop()
                     self._pilot.withdraw()
                     self.timing.withdrawn += 1
-            self._send(self._pilot.tick(_clock()))
+            asked = _clock()
+            frame = self._pilot.tick(asked)
             done = _clock()
+            if done - asked <= STALE_S:
+                self._send(frame)
+            else:  # what it knew is old by now
+                self._pilot.withdraw()
             self.timing.lateness.add(begun - due)
             self.timing.work.add(done - begun)
             # After a late decision the next one is not to come too early.
@@ -244,10 +255,11 @@ class RobotLoop:
     def _write(self) -> None:
         prefer(_WRITING)
         while self._is_running or self._unsent:
-            self._frame_is_there.acquire()
+            is_there = self._frame_is_there.acquire(timeout=LOST_S + self._period)
             port = self._port
             with contextlib.suppress(Exception):  # the reader sees that the port has gone
-                frame = self._unsent.popleft()
+                # A decision that does not end leaves no frame: the gimbal is let go.
+                frame = self._unsent.popleft() if is_there else self._pilot.last_frame()
                 if port is not None and not self._is_new_port:
                     port.write(frame)
 

@@ -3,6 +3,7 @@
 What runs on the robot runs the same in virtual time, where every fault can be repeated.
 """
 
+import contextlib
 from collections import Counter, deque
 from typing import Any
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from archerfish.dynamics.linear_axis import advance
 from archerfish.dynamics.muzzle import direction
-from archerfish.errors import InputError
 from archerfish.messages import Detections, Feedback, Numbers
 from archerfish.robot import Robot
 from archerfish.runtime.configuration import camera_latency
@@ -36,6 +36,8 @@ _UNLIMITED = 1e6  # shots, without a referee
 _MOST = 512  # messages between decisions; of more, the oldest are lost
 _LONGEST_DATAGRAM = 4096  # bytes
 _NEAREST_M = 0.1  # a plate that is nearer is none
+_JUMP_RAD, _FASTEST = 0.3, 30.0  # between reports a gimbal moves at most by [rad], and so much a second [rad/s]
+_JUMPS = 3  # reports in a row that move by more and are left out
 _MOST_PREDICTED = 50  # periods without a decision that the prediction goes on through
 
 
@@ -56,7 +58,8 @@ class Pilot:
 
         Args:
           decider: built for robot and task.
-          robot: its records; the camera's latency is needed, that of the link is zero where it was not measured.
+          robot: its records, with the limits that its gate has; the camera's latency is needed, that of the link is zero
+            where it was not measured.
           task: decision period and command limit.
           wire: to the microcontroller.
           camera_m: where the camera is from the pivot, along the gimbal's axes [m].
@@ -84,6 +87,7 @@ class Pilot:
         self._latency = camera_latency(robot) if latency_s is None else latency_s
         self._feedback_latency = (robot.sensing.link.feedback_latency if robot.sensing else None) or 0.0
         self._camera, self._middle_yaw = np.array(camera_m), float(np.mean(robot.limits.yaw.ends))
+        self._needs_base = robot.limits.yaw.low is not None and getattr(wire, "has_base_yaw", False)
         self._gimbal, self._thresholds = robot.gimbal(task.period_s), thresholds(robot)
         self.restart()
 
@@ -100,11 +104,15 @@ class Pilot:
         self._host: Host | None = None
         self.decider.reset()
         self._decided_s = -np.inf
-        self._gate_before: GateState | None = None  # the last decision, until that is taken back
+        self._before: GateState | None = None  # the last decision, until that is taken back
+        self._shots_taken, self._is_controlled = 0.0, False  # by the last decision
+        self._last_report: tuple[float, Numbers] | None = None
+        self._jumps = 0  # reports in a row that were left out as jumps
         self._prediction: Prediction | None = None
         self._raw_yaw = 0.0
-        # Of the chassis, without jumps of a turn; a wire that reports it must have done so [rad].
-        self._base_yaw = np.nan if getattr(self._wire, "has_base_yaw", False) else 0.0
+        self._raw_base_yaw = np.nan
+        if hasattr(self._wire, "restart"):
+            self._wire.restart()
 
     def on_bytes(self, now: float, data: bytes) -> None:
         """Take bytes that the microcontroller sent.
@@ -118,8 +126,14 @@ class Pilot:
         self.counts["frames"] += len(new)
         self.counts["repeated frames"] += len(frames) - len(new)
         self.counts["rejected heads"] = self._stream.rejected
-        if new:
-            self._take_reports(now, self._wire.decode(new))
+        if not new:
+            return
+        try:
+            reports = self._wire.decode(new)
+        except Exception:  # whatever a team's own wire raises
+            self.counts["frames that the wire can't decode"] += len(new)
+            return
+        self._take_reports(now, reports)
 
     def on_datagram(self, now: float, data: bytes) -> None:
         """Take detections, lines of JSON as `CameraFrame` describes them.
@@ -145,24 +159,34 @@ class Pilot:
         if host is None:
             return b""
         self.counts["decisions"] += 1
-        gate_before, elapsed = self.decider.gate, self._elapsed(now)
-        given = self._given(now, elapsed, host, gate_before)
-        self.verdict, _ = self.decider.decide(given)
-        self._decided_s, self._gate_before = now, gate_before
-        self._shots_left -= float(self.verdict.fire)
+        before, elapsed = self.decider.gate, self._elapsed(now)
+        self.verdict, _ = self.decider.decide(self._given(now, elapsed, host, before))
+        self._decided_s, self._before, self._shots_taken = now, before, float(self.verdict.fire)
+        self._shots_left -= self._shots_taken
+        self._is_controlled = self.switch and int(self.verdict.mode) != Mode.DISARMED
+        frame = self._encoded(self.verdict.angle, self._is_controlled, bool(self.verdict.fire))
         reason = Reason(int(self.verdict.reason))
-        self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
-        is_controlled = self.switch and int(self.verdict.mode) != Mode.DISARMED
-        return self._encoded(self.verdict.angle, is_controlled, bool(self.verdict.fire))
+        if frame is not None:
+            self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
+            return frame
+        self.counts["commands that the wire can't carry"] += 1
+        self.withdraw()
+        return self._encoded(self.verdict.angle, False, False) or b""
 
     def withdraw(self) -> None:
-        """Take the last decision back: its command was not sent, and limits count from what was.
+        """Take the last command back, which was not sent: limits count from what was, at rest.
 
-        The controller keeps what it has seen, and the prediction of the gimbal what has been in force till then.
+        Mode and timers go on. The controller keeps what it has seen, and the prediction what was in force.
         """
-        if self._gate_before is not None and self.verdict is not None:
-            self._shots_left += float(self.verdict.fire)
-            self.decider.gate, self._gate_before = self._gate_before, None
+        if self._before is None:
+            return
+        after = self.decider.gate
+        kept = after._replace(command=self._before.command, rate=np.zeros_like(after.rate))
+        if self._shots_taken:
+            kept = kept._replace(since_shot=self._before.since_shot + np.float32(self._period))
+        self.decider.gate = kept
+        self._shots_left += self._shots_taken
+        self._before, self._is_controlled = None, False
 
     def last_frame(self) -> bytes:
         """Return bytes that end the fire and let the gimbal go; nothing before the first report. It never fails."""
@@ -171,7 +195,7 @@ class Pilot:
         command = self.decider.gate.command
         is_controlled = self.switch and int(self.verdict.mode) != Mode.DISARMED
         held = self._encoded(command, True, False) if is_controlled else b""
-        return held + self._encoded(command, False, False)
+        return (held or b"") + (self._encoded(command, False, False) or b"")
 
     @property
     def state_text(self) -> str:
@@ -181,7 +205,8 @@ class Pilot:
         mode, cause = Mode(int(self.verdict.mode)), Reason(int(self.verdict.cause))
         state = f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
         why = self.decider.why_fallback if isinstance(self.decider, WithFallback) else ""
-        return f"{state}; the fallback decides: {why}" if why else state
+        state += f"; the fallback decides: {why}" if why else ""
+        return f"{state}; the controller raised {self.decider.error}" if self.decider.error else state
 
     def _elapsed(self, now: float) -> float:
         """Return the time since the last decision, a period before the first one [s]."""
@@ -196,7 +221,7 @@ class Pilot:
             "gimbal_age": age,
             "frame_age": now - plate.exposed_s[0] if is_new else 0.0,
             "muzzle_speed": self._expected_speed,
-            "base_yaw": self._base_yaw,
+            "base_yaw": self._base_yaw(reports.angle[0, -1, 1]),
             "shots_left": self._shots_left,
             "angle": reports.angle[0, -1],
             "rate": reports.rate[0],
@@ -211,28 +236,37 @@ class Pilot:
         past = self._prediction or resting_prediction(self._gimbal, angle)
         for _ in range(min(round(elapsed / self._period), _MOST_PREDICTED) - 1):  # decisions that were left out
             past = past._replace(plant=advance(self._gimbal, past.plant, gate.command))
-        is_sent = np.asarray(gate.mode != Mode.DISARMED)
+        is_sent = np.asarray(self._is_controlled and gate.mode != Mode.DISARMED)
         self._prediction, plausible = compare_with_prediction(
             self._gimbal, self._thresholds, past, gate.command, is_sent, angle, age
         )
         return np.asarray(plausible)
 
-    def _encoded(self, angle: Numbers, control: bool, fire: bool) -> bytes:
-        """Return the frame of a command, whose yaw is in the turn of the last report.
+    def _base_yaw(self, yaw: float) -> float:
+        """Return the yaw of the chassis, so that the encoder's is less than half a turn from the middle of its range.
 
-        Where the wire has no room for it, the gimbal is let go.
+        It is 0 where the yaw has no range, or the wire has a yaw from the chassis alone.
+
+        Args:
+          yaw: of the gimbal, without jumps of a turn [rad].
+        """
+        if not self._needs_base:
+            return 0.0
+        near = yaw - self._middle_yaw
+        return float(near + (self._raw_base_yaw - near + np.pi) % (2.0 * np.pi) - np.pi)
+
+    def _encoded(self, angle: Numbers, control: bool, fire: bool) -> bytes | None:
+        """Return the frame of a command, or None where the wire can't carry it.
+
+        Its yaw is in the turn of the last report, or a turn from there where the wire's range ends.
         """
         yaw = float(self._host.reports.angle[0, -1, 1]) if self._host is not None else 0.0
         turns = np.rint((yaw - self._raw_yaw) / (2.0 * np.pi))
-        on_wire = np.asarray(angle, np.float64) - [0.0, 2.0 * np.pi * turns]
-        try:
-            return self._wire.encode(WireCommand(on_wire, control, fire))
-        except InputError:
-            self.counts["commands beyond the wire's range"] += 1
-        try:
-            return self._wire.encode(WireCommand(np.zeros(2), False, False))
-        except InputError:
-            return b""
+        for more in (0.0, 1.0, -1.0):
+            on_wire = np.asarray(angle, np.float64) - [0.0, 2.0 * np.pi * (turns + more)]
+            with contextlib.suppress(Exception):  # whatever a team's own wire raises
+                return self._wire.encode(WireCommand(on_wire, control, fire))
+        return None
 
     def _is_new(self, frame: WireFrame) -> bool:
         """Whether a frame differs from the last one of its kind: one that a line repeats is no news."""
@@ -248,22 +282,33 @@ class Pilot:
         usable = in_range(feedback)
         self.counts["reports out of range"] += int(np.sum(~usable))
         for place in np.flatnonzero(usable):
-            stamp = feedback.sampled_s[place]
+            angle, stamp = feedback.angle[place], feedback.sampled_s[place]
             sampled = now - self._feedback_latency if np.isnan(stamp) else self._robot_clock.own_time(stamp, now)
-            if not np.isfinite(sampled):
+            if not np.isfinite(sampled) or self._is_jump(sampled, angle):
                 continue
-            self._reports.append((sampled, feedback.angle[place], feedback.rate[place]))
-            self._raw_yaw = float(feedback.angle[place, 1])
-            base_yaw = float(reports.base_yaw[place])
-            if np.isfinite(base_yaw):
-                # At first the encoder's yaw is taken as less than half a turn from the middle of its range.
-                near = self._base_yaw if np.isfinite(self._base_yaw) else self._raw_yaw - self._middle_yaw
-                self._base_yaw = near + (base_yaw - near + np.pi) % (2.0 * np.pi) - np.pi
+            self._reports.append((sampled, angle, feedback.rate[place]))
+            self._raw_yaw, self._raw_base_yaw = float(angle[1]), float(reports.base_yaw[place])
             self.muzzle_speed = float(reports.muzzle_speed[place])
             shots_left = float(reports.shots_left[place])
             # The latest heat stands in each report: only another one is news, and shots of since count.
             if np.isfinite(shots_left) and shots_left != self._reported_shots_left:
                 self._shots_left = self._reported_shots_left = shots_left
+                self._shots_taken = 0.0
+
+    def _is_jump(self, sampled: float, angle: Numbers) -> bool:
+        """Return whether a report is further from the last one than a gimbal turns; after several one is taken."""
+        before, self._last_report = self._last_report, (sampled, angle)
+        if before is None:
+            return False
+        moved = np.abs(angle - before[1])
+        moved[1] = min(moved[1], abs(moved[1] - 2.0 * np.pi))  # a yaw that wraps
+        if np.all(moved <= _JUMP_RAD + _FASTEST * max(0.0, sampled - before[0])) or self._jumps >= _JUMPS:
+            self._jumps = 0
+            return False
+        self._jumps += 1
+        self._last_report = before
+        self.counts["reports that jump"] += 1
+        return True
 
     def _take_plate(self, exposed: float, frame: CameraFrame) -> None:
         """Keep the first plate of a frame: of the gimbal's frame until a report covers it, as it is in O."""

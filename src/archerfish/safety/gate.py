@@ -28,7 +28,7 @@ class Mode(IntEnum):
     """What the gate does with commands."""
 
     DISARMED = 0
-    """Nothing is sent; the command follows the gimbal, so that arming is smooth."""
+    """The gimbal is let go; the command follows it, so that arming is smooth."""
     ARMED = 1
     """The controller's commands are sent, within the limits."""
     HOLD = 2
@@ -212,7 +212,7 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
         (readiness == Reason.NONE, Reason.SWITCH_OFF),
         otherwise=readiness,
     )
-    arms = on & ~was_on & (state.mode == Mode.DISARMED) & (readiness == Reason.NONE)
+    arms = on & ~was_on & (state.mode == Mode.DISARMED) & is_steady & inside
     runs = on & ((state.mode == Mode.ARMED) | (state.mode == Mode.HOLD))
     mode = first(
         (arms | (runs & good), Mode.ARMED),

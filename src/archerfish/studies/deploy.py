@@ -2,6 +2,7 @@
 
 import math
 import signal
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from archerfish.wires.transports import DatagramPort, SerialPort
 from archerfish.wires.wire import TableWire
 
 _LONGEST = 0.5  # share of a period that a decision may take
+_PATIENCE_S = 1.0  # from a signal to stop until another one interrupts a decision
 _SPEED = 0.02  # share by which a muzzle speed may differ from that of the records
 
 
@@ -40,7 +42,7 @@ class Deployment(Reported):
     port: str  # name
     timing: Timing  # of its decisions
     counts: dict[str, int]  # messages and decisions by what became of them
-    fault: str  # of the controller, which the fallback has replaced since; empty without
+    fault: str  # of the controller, from which on the fallback decided; empty without
     muzzle_speeds: tuple[float, float]  # measured last, or NaN, and that of the records [m/s]
     language: str  # in which it decided: C, NumPy, or both
 
@@ -63,7 +65,7 @@ class Deployment(Reported):
         if self.timing.stalls:
             doubts.append(f"The computer stood still {self.timing.stalls} times for more than 50 ms.")
         if self.fault:
-            doubts.append(f"{self.controller} was replaced by the fallback: {self.fault}.")
+            doubts.append(f"{self.controller} failed, and the fallback decided where there is one: {self.fault}.")
         measured, expected = self.muzzle_speeds
         if measured > 0.0 and abs(measured / expected - 1.0) > _SPEED:  # false where it is not measured
             doubts.append(
@@ -118,7 +120,7 @@ def deploy(
             wire.check_complete()
     _check_yaw(robot, wire, config)
     with setting("gate"):
-        narrowed_limits(robot.limits, config.gate)
+        narrowed = robot.replace(limits=narrowed_limits(robot.limits, config.gate))
     with setting("port", not port):
         port = port or config.port
         if not port:
@@ -126,7 +128,7 @@ def deploy(
         SerialPort(port, config.baud).close()
     controller = config.controller.mode or "kalman" if controller == "" else controller
     name, decider, task = decider_of(controller, robot, task, config, tuning, in_c=in_c)
-    pilot = Pilot(decider, robot, task, wire, camera_m=config.detections.position_m, latency_s=latency_s)
+    pilot = Pilot(decider, narrowed, task, wire, camera_m=config.detections.position_m, latency_s=latency_s)
     with setting("detections.address"):
         datagrams = DatagramPort(config.detections.address)
     try:
@@ -136,8 +138,7 @@ def deploy(
     finally:
         datagrams.close()
     speeds = float(pilot.muzzle_speed), float(np.asarray(robot.muzzle_model().speed))
-    fault = getattr(decider, "fault", "")
-    return Deployment(robot.name, name, port, timing, dict(pilot.counts), fault, speeds, decider.language)
+    return Deployment(robot.name, name, port, timing, dict(pilot.counts), decider.fault, speeds, decider.language)
 
 
 def decider_of(
@@ -166,12 +167,17 @@ def decider_of(
     """
     with setting("controller.mode", controller == config.controller.mode):
         name, made, task = for_robot(controller, robot, task, tuning)
+    if task.command_limit == "box":
+        raise InputError("command limit box: it has no rate and no acceleration, which a robot needs; take gate")
     first = make_decider(name, made, robot, task, config.gate, in_c=in_c)
     other = config.controller.fallback
     if other in ("", name):
         return name, first, task
     with setting("controller.fallback"):
-        _, made, _ = for_robot(other, robot, task, tuning)
+        _, made, own_task = for_robot(other, robot, task, tuning)
+        if own_task.period_s != task.period_s:
+            periods = f"{1e3 * own_task.period_s:g} ms, {name} every {1e3 * task.period_s:g} ms"
+            raise InputError(f"it decides every {periods}; name another one")
     fallback = make_decider(other, made, robot, task, config.gate, in_c=in_c)
     return name, WithFallback(first, fallback, _LONGEST * task.period_s if is_timed else math.inf), task
 
@@ -190,11 +196,16 @@ def _check_yaw(robot: Robot, wire: Wire, config: DeployConfig) -> None:
 
 @contextmanager
 def stop_flag() -> Iterator[Callable[[], bool]]:
-    """Have signals to stop set a flag while a block runs, so that no decision is cut in two."""
-    received = list[int]()
+    """Have signals to stop set a flag while a block runs, so that no decision is cut in two.
 
-    def stop(number: int, _: Any) -> None:
-        received.append(number)
+    One that comes a second after the first interrupts it all the same: a decision may never end.
+    """
+    received = list[float]()
+
+    def stop(_: int, __: Any) -> None:
+        received.append(time.monotonic())
+        if received[-1] - received[0] > _PATIENCE_S:
+            raise KeyboardInterrupt
 
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]

@@ -6,7 +6,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from archerfish.controllers.registry import ControllerLike
+from archerfish.controllers.policy.policy import Policy
+from archerfish.controllers.registry import ControllerLike, load_controller
 from archerfish.controllers.tuning import TuningLike
 from archerfish.errors import InputError
 from archerfish.reports.progress import bar
@@ -27,6 +28,7 @@ from archerfish.task import Task
 from archerfish.virtual_robot.emulator import Emulator, Fault
 from archerfish.virtual_robot.emulator_port import EmulatorPort
 
+_MORE_S = 0.2  # the times of the robot begin with the first command
 _SWITCH_S = 1.1  # when the switch of a wire without one goes on: after the emulated operator's
 
 
@@ -60,7 +62,9 @@ def rehearse_live(
     Raises:
       InputError: if an argument can't be used, or the system has no pseudo-terminals.
     """
-    target = target or SwingingPlate()
+    target, controller = target or SwingingPlate(), load_controller(controller)
+    if isinstance(controller, Policy):
+        task = controller.facts.task
     options = {"camera_m": config.detections.position_m, "seed": seed, "faults": faults}
     arguments = (virtual, robot, task, config.wires, target), options, config.detections.address
     context = multiprocessing.get_context("spawn")
@@ -79,7 +83,7 @@ def rehearse_live(
                     advance(min(max(0.0, time_s - COUNTED_FROM_S), seconds))
                 return False
 
-            lasts_s = COUNTED_FROM_S + seconds
+            lasts_s = COUNTED_FROM_S + seconds + _MORE_S
             config = config.replace(yaw_reference="fixed-chassis")
             deployment = deploy(controller, robot, task, config, port=port, seconds=lasts_s, tuning=tuning, watch=watch)
         here.send("stop")
@@ -113,10 +117,9 @@ def rehearse_live(
 def _emulate(connection: Connection, arguments: Any) -> None:
     """Be the robot: send the port's name, live until something is received, send what became of the pellets."""
     (virtual, *rest), options, address = arguments
-    host, _, number = address.rpartition(":")
     try:
         emulator: Emulator = emulated_robot(virtual, *rest, **options)
-        with EmulatorPort(emulator, (host.strip("[]"), int(number))) as port:
+        with EmulatorPort(emulator, address) as port:
             connection.send(port.name)
             port.run(connection.poll)
     except InputError as error:

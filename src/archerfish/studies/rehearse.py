@@ -28,6 +28,7 @@ from archerfish.reports.table import Estimate, Table, entry_texts
 from archerfish.robot import Robot, RobotLike
 from archerfish.runtime.configuration import DeployConfig
 from archerfish.runtime.pilot import Pilot
+from archerfish.safety.rules import narrowed_limits
 from archerfish.studies.deploy import decider_of
 from archerfish.task import Task, TaskLike
 from archerfish.virtual_robot.description import TICK_S
@@ -101,7 +102,7 @@ class Rehearsal(Record, frozen=True, kw_only=True):
     violations: dict[str, _Count]
     """Of the robot's limits, by the commands that it received."""
     fault: Text = ""
-    """Of the controller, which a fallback has replaced since; empty without."""
+    """Of the controller, from which on the fallback decided; empty without."""
     faults: tuple[Fault, ...] = ()
     """That the robot had."""
     shots: tuple[RehearsedShot, ...] = ()
@@ -133,12 +134,16 @@ class Rehearsal(Record, frozen=True, kw_only=True):
         """What was counted, in words."""
         rate, fired = self.rate, sum(self.fired)
         percent, interval = entry_texts(self.pellet_rate)
-        uncertain = f"95 %: {interval}" if interval else "too few for an interval; --seconds 20 or more has one"
+        uncertain = f"95 %: {interval}" if interval else "too few for an interval, which 500 pellets have"
         distance, amplitude, frequency, _ = self.target
         kept = sum(self.violations.values()) == 0
         has_records_alone = self.virtual == IDENTIFIED
         robot = "the robot of its records" if has_records_alone else f"the virtual robot {self.virtual}"
-        doubts = [f"{self.controller} was replaced by the fallback: {self.fault}."] if self.fault else []
+        doubts = (
+            [f"{self.controller} failed, and the fallback decided where there is one: {self.fault}."]
+            if self.fault
+            else []
+        )
         if has_records_alone:
             doubts.append("The robot was simulated from the records, which don't have friction, saturation or recoil.")
         faults = [f"Fault: {kind} from {begin:g} to {end:g} s." for kind, begin, end in self.faults]
@@ -254,7 +259,8 @@ def rehearse(
     latency_s, own_wire = config.detections.latency_s(robot), load_wire(*wires)  # before minutes of a search
     name, decider, task = decider_of(controller, robot, Task.of(task), config, tuning, in_c=in_c, is_timed=False)
     camera_m = config.detections.position_m
-    pilot = Pilot(decider, robot, task, own_wire, camera_m=camera_m, latency_s=latency_s)
+    narrowed = robot.replace(limits=narrowed_limits(robot.limits, config.gate))
+    pilot = Pilot(decider, narrowed, task, own_wire, camera_m=camera_m, latency_s=latency_s)
     emulator = emulated_robot(virtual, robot, task, wires, target, camera_m=camera_m, seed=seed, faults=faults)
     with bar("rehearsing", seconds, "seconds") as advance:
         while emulator.time < COUNTED_FROM_S + seconds:
@@ -270,7 +276,7 @@ def rehearse(
         seed=seed,
         messages=dict(pilot.counts),
         violations=dict(+emulator.monitor.violations),
-        fault=getattr(decider, "fault", ""),
+        fault=decider.fault,
         faults=tuple(faults),
         **counted(emulator.pellets, seconds),
     )

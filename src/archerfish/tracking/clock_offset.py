@@ -5,14 +5,14 @@ from collections import deque
 import numpy as np
 
 _WINDOW, _EVERY = 200, 8
-_JUMP_S, _JUMPS = 0.2, 5
+_JUMP_S, _JUMPS, _JUMPS_TAKE_S = 0.2, 5, 0.05
 
 
 class ClockOffset:
     """The offset of a clock that drifts: the median of receipt less stamp in a window, less the mean latency.
 
-    Messages that are more than 0.2 s off are left out as late ones; after five in a row the clock is another one, whose
-    offset is estimated from the beginning. A stamp that does not advance is left out: a repeated message is no news.
+    Messages that are more than 0.2 s off are left out as late ones; after five in a row, received in more than 50 ms,
+    the clock is another one, whose offset is estimated from the beginning. A stamp that does not advance is left out: a repeated message is no news.
     """
 
     def __init__(self, latency_s: float) -> None:
@@ -24,6 +24,7 @@ class ClockOffset:
         self._latency_s = latency_s
         self._differences = deque[float](maxlen=_WINDOW)
         self._offset, self._odd, self._count, self._last_s = np.nan, 0, 0, -np.inf
+        self._odd_since_s = -np.inf  # when the first odd one in a row was received
 
     def own_time(self, stamp_s: float, received_s: float) -> float:
         """Return the moment of a stamp on the computer's clock [s]; NaN for a message that is left out."""
@@ -33,7 +34,8 @@ class ClockOffset:
             return np.nan
         if abs(difference - self._offset) > _JUMP_S:
             self._odd += 1
-            if self._odd < _JUMPS:
+            self._odd_since_s = received_s if self._odd == 1 else self._odd_since_s
+            if self._odd < _JUMPS or received_s - self._odd_since_s < _JUMPS_TAKE_S:
                 return np.nan
             self._differences.clear()
         self._odd = 0

@@ -13,6 +13,7 @@ from archerfish.errors import InputError
 from archerfish.runtime.loop import prefer
 from archerfish.virtual_robot.description import TICK_S
 from archerfish.virtual_robot.emulator import Emulator
+from archerfish.wires.transports import read_address
 
 _TICKS = 2  # between looks at what arrived
 _PRIORITY = 40  # below the computer's, where the system allows one: a robot does not slow down beside other programs
@@ -23,16 +24,19 @@ _BEHIND_S = 0.5  # a robot that is later than that skips the time: a computer th
 class EmulatorPort:
     """The robot's end of the wire; `name` is the computer's end."""
 
-    def __init__(self, emulator: Emulator, detections: tuple[str, int]) -> None:
+    def __init__(self, emulator: Emulator, detections: str) -> None:
         """Open a pseudo-terminal.
 
         Args:
           emulator: the robot.
-          detections: address and UDP port that the camera's program sends to.
+          detections: HOST:PORT that the camera's program sends to.
 
         Raises:
-          InputError: if the system has no pseudo-terminals.
+          InputError: if it is no such address, or the system has no pseudo-terminals.
         """
+        family, self._host, self._number = read_address(detections)
+        if not self._number:
+            raise InputError(f"address {detections}: expected the port of a program, got 0; name that of deploy")
         try:
             import tty
 
@@ -43,8 +47,8 @@ class EmulatorPort:
         os.set_blocking(self._robot, False)
         self.name = os.ttyname(self._computer)
         """Of the port that the computer opens."""
-        self._emulator, self._detections = emulator, detections
-        self._camera = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._emulator = emulator
+        self._camera = socket.socket(family, socket.SOCK_DGRAM)
         self._received = deque[bytes]()
         self.late_s = 0.0
         """Most that the robot was behind real time [s]."""
@@ -85,7 +89,7 @@ class EmulatorPort:
                 robot.on_bytes(self._received.popleft())
             for delivery in robot.advance(_TICKS):
                 if delivery.is_datagram:
-                    self._camera.sendto(delivery.data, self._detections)
+                    self._camera.sendto(delivery.data, (self._host, self._number))
                 else:
                     self._write(delivery.data)
 

@@ -90,6 +90,25 @@ class SerialPort:
             fcntl.ioctl(self._port.fileno(), termios.TIOCEXCL if others_are_excluded else termios.TIOCNXCL)
 
 
+def read_address(address: str) -> tuple[socket.AddressFamily, str, int]:
+    """Return family, host and port of HOST:PORT.
+
+    Raises:
+      InputError: if it is no such address.
+    """
+    text, _, number = address.rpartition(":")
+    host = text.strip("[]")
+    try:
+        family = socket.AF_INET6 if ipaddress.ip_address(host).version == 6 else socket.AF_INET
+        port = int(number)
+    except ValueError as error:
+        expected = "expected HOST:PORT with an IP address, such as 127.0.0.1:47000"
+        raise InputError(f"address {address!r}: {expected}; correct it") from error
+    if not 0 <= port <= _LAST_PORT:
+        raise InputError(f"address {address}: expected a port from 0 to {_LAST_PORT}, got {port}; correct it")
+    return family, host, port
+
+
 class DatagramPort:
     """A UDP port that receives; on this computer alone unless another address is given."""
 
@@ -102,16 +121,7 @@ class DatagramPort:
         Raises:
           InputError: if it is no such address, or another program has it.
         """
-        text, _, number = address.rpartition(":")
-        host = text.strip("[]")
-        try:
-            family = socket.AF_INET6 if ipaddress.ip_address(host).version == 6 else socket.AF_INET
-            port = int(number)
-        except ValueError as error:
-            expected = "expected HOST:PORT with an IP address, such as 127.0.0.1:47000"
-            raise InputError(f"address {address!r}: {expected}; correct it") from error
-        if not 0 <= port <= _LAST_PORT:
-            raise InputError(f"address {address}: expected a port from 0 to {_LAST_PORT}, got {port}; correct it")
+        family, host, port = read_address(address)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.settimeout(_WAIT_S)
         try:

@@ -105,10 +105,15 @@ class TableWire:
         self.has_heat = any("shots_left" in layout.names for layout in self.received)
         """Whether a frame says how many shots the heat limit allows."""
         self._has_switch = any(table.switch_on for table in tables.values())
-        self._switch, self._latest, self._sent = False, {"muzzle_speed": np.nan, "shots_left": np.nan}, 0
+        self._sent = 0
+        self.restart()
         for frame, table in tables.items():
             for values in (table.switch_on, *table.sent.values()):
                 self._encode(frame, values | {"sequence": 255})  # refuses numbers that are no part of the frame
+
+    def restart(self) -> None:
+        """Forget what was received."""
+        self._switch, self._latest = False, {"muzzle_speed": np.nan, "shots_left": np.nan}
 
     def __repr__(self) -> str:
         return f"TableWire({self.name}: {', '.join(self.layouts)})"
@@ -208,7 +213,8 @@ def load_wire(*wires: str | Path | Wire) -> Wire:
 def in_range(feedback: Feedback) -> NDArray[np.bool_]:
     """Return which reports have angles and rates that a gimbal may have, shape (N,)."""
     numbers = np.concatenate([feedback.angle, feedback.rate], axis=-1)
-    return np.asarray(np.all(np.abs(numbers) < _LARGEST, axis=-1))  # false for NaN
+    is_pitch = np.abs(feedback.angle[:, 0]) <= np.pi
+    return np.asarray(is_pitch & np.all(np.abs(numbers) < _LARGEST, axis=-1))  # false for NaN
 
 
 def _own_wire(wire: str | Path | Wire, others: Sequence[object]) -> Wire:
