@@ -58,8 +58,8 @@ class Pilot:
 
         Args:
           decider: built for robot and task.
-          robot: its records, with the limits that its gate has; the camera's latency is needed, that of the link is zero
-            where it was not measured.
+          robot: its records, with the limits that its gate has. They need the camera's latency; that of the link is
+            zero where it was not measured.
           task: decision period and command limit.
           wire: to the microcontroller.
           camera_m: where the camera is from the pivot, along the gimbal's axes [m].

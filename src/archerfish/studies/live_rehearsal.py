@@ -63,7 +63,7 @@ def rehearse_live(
       InputError: if an argument can't be used, or the system has no pseudo-terminals.
     """
     target, controller = target or SwingingPlate(), load_controller(controller)
-    if isinstance(controller, Policy):
+    if isinstance(controller, Policy) and controller.facts:
         task = controller.facts.task
     options = {"camera_m": config.detections.position_m, "seed": seed, "faults": faults}
     arguments = (virtual, robot, task, config.wires, target), options, config.detections.address

@@ -139,11 +139,8 @@ class Rehearsal(Record, frozen=True, kw_only=True):
         kept = sum(self.violations.values()) == 0
         has_records_alone = self.virtual == IDENTIFIED
         robot = "the robot of its records" if has_records_alone else f"the virtual robot {self.virtual}"
-        doubts = (
-            [f"{self.controller} failed, and the fallback decided where there is one: {self.fault}."]
-            if self.fault
-            else []
-        )
+        failed = f"{self.controller} failed, and the fallback decided where there is one: {self.fault}."
+        doubts = [failed] if self.fault else []
         if has_records_alone:
             doubts.append("The robot was simulated from the records, which don't have friction, saturation or recoil.")
         faults = [f"Fault: {kind} from {begin:g} to {end:g} s." for kind, begin, end in self.faults]

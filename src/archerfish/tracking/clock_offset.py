@@ -11,8 +11,9 @@ _JUMP_S, _JUMPS, _JUMPS_TAKE_S = 0.2, 5, 0.05
 class ClockOffset:
     """The offset of a clock that drifts: the median of receipt less stamp in a window, less the mean latency.
 
-    Messages that are more than 0.2 s off are left out as late ones; after five in a row, received in more than 50 ms,
-    the clock is another one, whose offset is estimated from the beginning. A stamp that does not advance is left out: a repeated message is no news.
+    Messages that are more than 0.2 s off are left out as late ones. After five in a row, received in more than 50 ms,
+    the clock is another one, whose offset is estimated from the beginning. A stamp that does not advance is left out: a
+    repeated message is no news.
     """
 
     def __init__(self, latency_s: float) -> None:
