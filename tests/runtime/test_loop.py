@@ -36,9 +36,9 @@ class Terminal:
 class Recorder:
     """Stands in for a pilot: it keeps what arrives, and sends the number of each decision."""
 
-    def __init__(self, fails_at=None, slow_at=None):
+    def __init__(self, fails_at=None, slow_at=None, slow_s=3.5 * PERIOD_S):
         self.received, self.datagrams, self.decisions, self.withdrawn = b"", [], 0, 0
-        self.fails_at, self.slow_at = fails_at, slow_at
+        self.fails_at, self.slow_at, self.slow_s = fails_at, slow_at, slow_s
 
     def on_bytes(self, now, data):
         self.received += data
@@ -51,7 +51,7 @@ class Recorder:
         if self.decisions == self.fails_at:
             raise RuntimeError("a fault of its own")
         if self.decisions == self.slow_at:
-            time.sleep(3.5 * PERIOD_S)
+            time.sleep(self.slow_s)
         return f"{self.decisions} ".encode()
 
     def withdraw(self):
@@ -143,6 +143,24 @@ def test_deadlines_that_passed_are_left_out(terminal, camera):
     pilot = Recorder(slow_at=2)
     timing = RobotLoop(pilot, lambda: SerialPort(terminal.name), camera, PERIOD_S).run(lambda: pilot.decisions >= 4)
     assert timing.missed >= 3
+    assert b"2 " not in os.read(terminal.robot, 1000)  # what it knew was old by then
+    assert pilot.withdrawn >= 1
+
+
+def test_a_decision_that_hangs_lets_the_gimbal_go(camera):
+    pilot, port = Recorder(slow_at=3, slow_s=0.5), SlowPort()
+    RobotLoop(pilot, lambda: port, camera, PERIOD_S).run(lambda: pilot.decisions >= 6)
+    assert b"end" in port.written[:-1]
+    assert b"3 " not in port.written
+
+
+def test_a_signal_long_after_the_first_interrupts(monkeypatch):
+    monkeypatch.setattr("archerfish.studies.deploy._PATIENCE_S", 0.0)
+    with stop_flag() as is_stopped:
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert is_stopped()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def test_a_port_that_has_gone_is_opened_again(camera):

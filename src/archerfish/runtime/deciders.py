@@ -4,7 +4,9 @@ Whatever a controller does, a decision ends with a verdict of the gate.
 """
 
 import time
+import traceback
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -70,11 +72,17 @@ class NumpyDecider:
         try:
             self._state, verdict = self._gated.step(self._state, given)
         except (Exception, SystemExit) as error:  # whatever a controller raises, the gate decides
-            self.error = one_line(f"{type(error).__name__}: {error}")[:200]
+            self.error = error_text(error)
             self.fault = self.fault or self.error
             begun = self._state._replace(begins=np.ones(1, np.float32))
             self._state, verdict = self._without.step(begun, given)
         return GateVerdict(*(array[0] for array in verdict)), int(self._state.gate.good_for[0] <= 0.0)
+
+
+def error_text(error: BaseException) -> str:
+    """Return what a user's code raised, and where, on a line."""
+    [*_, place] = traceback.extract_tb(error.__traceback__)
+    return one_line(f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})")[:200]
 
 
 def _one(value: Any) -> Any:

@@ -15,7 +15,7 @@ from archerfish.dynamics.muzzle import direction
 from archerfish.messages import Detections, Feedback, Numbers
 from archerfish.robot import Robot
 from archerfish.runtime.configuration import camera_latency
-from archerfish.runtime.deciders import Decider, WithFallback
+from archerfish.runtime.deciders import Decider, WithFallback, error_text
 from archerfish.runtime.detections import CameraFrame, camera_frames
 from archerfish.safety.gate import GateState, GateVerdict, Mode, Reason
 from archerfish.safety.plausibility import (
@@ -78,6 +78,7 @@ class Pilot:
         """Whether the operator lets the computer aim; a wire that reports a switch sets it."""
         self.verdict: GateVerdict | None = None
         """The last one of the gate."""
+        self._wire_error = ""
         self.muzzle_speed = np.nan
         """Measured last [m/s]."""
         self.decider = decider
@@ -95,7 +96,7 @@ class Pilot:
         """Forget all that was received, as where the port has gone and come back; the gate is disarmed."""
         self.switch, self._stream = False, Stream(self._wire.received)
         self._camera_clock, self._robot_clock = ClockOffset(self._latency), ClockOffset(self._feedback_latency)
-        self._last_bytes = dict[str, bytes]()
+        self._last_bytes, self._received = dict[str, bytes](), 0
         self._reports = deque[tuple[float, Numbers, Numbers]](maxlen=_MOST)
         self._frames = deque[tuple[float, Numbers]](maxlen=_MOST)
         self._shots_left = 0.0 if getattr(self._wire, "has_heat", False) else _UNLIMITED
@@ -121,6 +122,7 @@ class Pilot:
           now: when they were received [s].
           data: any part of its stream.
         """
+        self._received += len(data)
         frames = self._stream.feed(data)
         new = [frame for frame in frames if self._is_new(frame)]
         self.counts["frames"] += len(new)
@@ -130,8 +132,9 @@ class Pilot:
             return
         try:
             reports = self._wire.decode(new)
-        except Exception:  # whatever a team's own wire raises
+        except Exception as error:  # whatever a team's own wire raises
             self.counts["frames that the wire can't decode"] += len(new)
+            self._wire_error = error_text(error)
             return
         self._take_reports(now, reports)
 
@@ -200,10 +203,15 @@ class Pilot:
     @property
     def state_text(self) -> str:
         """What the gate does, and why it is not armed."""
+        raised = f"; the wire raised {self._wire_error}" if self._wire_error else ""
         if self.verdict is None:
-            return "waiting for the first report"
+            received = f" ({self._received} bytes came, and no frame of the wire among them)" if self._received else ""
+            return f"waiting for the first report{received}{raised}"
         mode, cause = Mode(int(self.verdict.mode)), Reason(int(self.verdict.cause))
         state = f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
+        if cause == Reason.FEEDBACK_OLD and self.counts["repeated frames"] > self.counts["frames"]:
+            state += "; reports repeat byte for byte, which is no news: their frame needs a counter or a time"
+        state += raised
         why = self.decider.why_fallback if isinstance(self.decider, WithFallback) else ""
         state += f"; the fallback decides: {why}" if why else ""
         return f"{state}; the controller raised {self.decider.error}" if self.decider.error else state

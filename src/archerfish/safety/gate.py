@@ -214,8 +214,10 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
     )
     arms = on & ~was_on & (state.mode == Mode.DISARMED) & is_steady & inside
     runs = on & ((state.mode == Mode.ARMED) | (state.mode == Mode.HOLD))
+    # A single report may be an old one that the line had kept back: where it has no time stamps, it looks fresh.
+    recovered = (state.mode == Mode.ARMED) | (cause != Reason.FEEDBACK_OLD) | (good_for > rules.stale)
     mode = first(
-        (arms | (runs & good), Mode.ARMED),
+        (arms | (runs & good & recovered), Mode.ARMED),
         (runs & is_lost, Mode.FAULT),
         (runs, Mode.HOLD),
         ((state.mode == Mode.FAULT) & (on | ~is_steady), Mode.FAULT),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from archerfish.codegen.library import find_compiler
 from archerfish.controllers.registry import ControllerLike
 from archerfish.controllers.tuning import TuningLike
 from archerfish.errors import InputError
@@ -56,10 +57,8 @@ class Deployment(Reported):
                 "The system gave no priority (SCHED_FIFO) and no locked memory: other programs delay decisions."
             )
         if self.language != "C":
-            doubts.append(
-                "A decision in NumPy takes many times as long as in C: install a C compiler; docs/export.md says which "
-                "controllers can be in C."
-            )
+            remedy = "docs/export.md says which controllers can be in C" if find_compiler() else "install a C compiler"
+            doubts.append(f"A decision in NumPy takes many times as long as in C; {remedy}.")
         if self.timing.lost:
             doubts.append(f"{self.port} went away {self.timing.lost} times.")
         if self.timing.stalls:
