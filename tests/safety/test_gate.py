@@ -141,7 +141,10 @@ def test_input_within_the_limits_is_good(field):
 def test_a_fault_comes_after_a_tenth_of_a_second_and_stays_until_the_switch_was_off_with_good_input():
     bad = given(feedback_age=0.06)
     assert [outcome(ARMED, *[bad] * n)[0] for n in (1, 4, 5, 300)] == ["HOLD", "HOLD", "FAULT", "FAULT"]
-    assert outcome(ARMED, *[bad] * 4, ON, *[bad] * 4)[0] == "HOLD"  # it counts from the last good one
+    other = given(plausible=False)
+    assert outcome(ARMED, *[other] * 4, ON, *[other] * 4)[0] == "HOLD"  # it counts from the last good one
+    assert [outcome(ARMED, *[bad] * 3, *last)[0] for last in ([ON], [ON, bad])] == ["HOLD", "FAULT"]
+    assert [outcome(ARMED, *[bad] * n, *[ON] * 3)[0] for n in (2, 3)] == ["ARMED", "FAULT"]
     fault, _ = after(ARMED, *[bad] * 5)
     assert after(fault, *[given(elapsed=1.0)] * 12)[0].bad_for == 10.0
     assert outcome(fault, *[ON] * 100) == ("FAULT", "FAULT", "FEEDBACK_OLD")

@@ -193,7 +193,9 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
     # Timers. A clock that stands, runs back or is not finite counts as long.
     elapsed = xp.where(valid(given.elapsed) & (given.elapsed > 0.0), given.elapsed, rules.lost)
     good_for = xp.where(good, xp.minimum(state.good_for + elapsed, _LONGEST_S), zero)
-    bad_for = xp.where(good, zero, xp.minimum(state.bad_for + elapsed, _LONGEST_S))
+    # A single report may be an old one that the line had kept back: where it has no time stamps, it looks fresh.
+    recovered = good & ((state.mode == Mode.ARMED) | (cause != Reason.FEEDBACK_OLD) | (good_for > rules.stale))
+    bad_for = xp.where(recovered, zero, xp.minimum(state.bad_for + elapsed, _LONGEST_S))
     since_shot = xp.minimum(state.since_shot + elapsed, _LONGEST_S)
     is_steady = good_for >= rules.steady - _TIMER_MARGIN_S
     is_lost = (bad_for >= rules.lost - _TIMER_MARGIN_S) | ~(xp.abs(given.feedback_age) <= rules.lost)
@@ -214,10 +216,8 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
     )
     arms = on & ~was_on & (state.mode == Mode.DISARMED) & is_steady & inside
     runs = on & ((state.mode == Mode.ARMED) | (state.mode == Mode.HOLD))
-    # A single report may be an old one that the line had kept back: where it has no time stamps, it looks fresh.
-    recovered = (state.mode == Mode.ARMED) | (cause != Reason.FEEDBACK_OLD) | (good_for > rules.stale)
     mode = first(
-        (arms | (runs & good & recovered), Mode.ARMED),
+        (arms | (runs & recovered), Mode.ARMED),
         (runs & is_lost, Mode.FAULT),
         (runs, Mode.HOLD),
         ((state.mode == Mode.FAULT) & (on | ~is_steady), Mode.FAULT),
