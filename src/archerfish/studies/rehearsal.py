@@ -137,7 +137,7 @@ class Rehearsal(Record, frozen=True, kw_only=True):
         robot = "the robot of its records" if self.virtual == IDENTIFIED else f"the virtual robot {self.virtual}"
         figures: list[tuple[str, Callable[[], Figure]]] = [("Pellets and hits", partial(_seconds, self))]
         if self.shots:
-            figures.append(("Line of sight, command and gimbal at each shot, and its miss", partial(_aim, self)))
+            figures.append(("Line of sight (yaw), command and gimbal at each shot, and its miss", partial(_aim, self)))
             figures.append(("Where the pellets passed the plate's centre", partial(_misses, self)))
         return Report(
             title=f"Rehearsal of {self.controller} with {robot} through {self.wire}",
@@ -296,7 +296,8 @@ def _aim(rehearsal: Rehearsal) -> Figure:
             pitch, yaw = np.insert(np.degrees(angles), gaps, math.nan, axis=0).T
             style: Any = {**look(place), "marker": "", "linewidth": 1.0}
             yaw_panel.plot(np.insert(times, gaps, math.nan), yaw, **style, label=label)
-            pitch_panel.plot(np.insert(times, gaps, math.nan), pitch, **style)
+            if label != "line of sight":  # its pitch is degrees lower, by the fall of the pellets
+                pitch_panel.plot(np.insert(times, gaps, math.nan), pitch, **style)
         yaw_panel.set_ylabel("yaw [°]")
         pitch_panel.set_ylabel("pitch [°]")
         for label, style, chosen in _by_outcome(rehearsal):

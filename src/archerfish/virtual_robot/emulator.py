@@ -274,9 +274,9 @@ def _check_room(report: Layout, limits: LimitsRecord) -> None:
     for axis, own in (("pitch", limits.pitch), ("yaw", limits.yaw)):
         low, high = own.ends if own.low is not None else (-math.pi, math.pi)
         rate = own.max_rate if own.max_rate < UNLIMITED else 0.0
-        needed = {axis: (low, high), f"{axis}_encoder": (low, high), f"{axis}_rate": (-rate, rate)}
-        for field in needed.keys() & {*report.names}:
-            for value in needed[field]:
+        needed = {axis: (high, low), f"{axis}_encoder": (high, low), f"{axis}_rate": (rate, -rate)}
+        for field, values in needed.items():
+            for value in values if field in report.names else ():
                 try:
                     report.encode({field: value})
                 except InputError as error:
