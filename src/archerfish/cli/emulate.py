@@ -23,8 +23,8 @@ class Emulate(ForRobot):
     - ROBOT/deploy.toml has the address that detections go to and, as position_m, the place of the camera, so that it
       is where archerfish deploy assumes it, wherever a virtual robot's file has it
     - the operator's switch goes on 1 s after the computer's first bytes; times of faults count from there, too
-    - the operator switches off 0.5 s after the end of each fault for 1 s, since the gate may ask for that; of faults
-      that overlap after the last one
+    - the operator switches off for 1 s, 0.5 s after the end of each fault, or of the last one where faults overlap,
+      since after some faults the gate asks for that
     - after a second without bytes of the computer all these times begin again, for one that is started again
     - without MuJoCo, or with --virtual identified, it is the robot of ROBOT's records: its plants, camera and muzzle
     - a plate swings before it; at the end hits, pellets and violations of the robot's limits are printed

@@ -20,8 +20,8 @@ class Rehearse(Writes, ForRobot):
 
     - the computer has ROBOT's records alone; reports and commands are frames of the wire, detections lines of JSON
     - the operator's switch goes on after 1 s; hits count from 1.5 s on, at a plate that swings from side to side
-    - the operator switches off 0.5 s after the end of each fault for 1 s, since the gate may ask for that; of faults
-      that overlap after the last one
+    - the operator switches off for 1 s, 0.5 s after the end of each fault, or of the last one where faults overlap,
+      since after some faults the gate asks for that
     - without MuJoCo, or with --virtual identified, the robot is that of ROBOT's records: its plants, camera and muzzle
     - --task and --command-limit give decision period and limits alone; a policy has those of its training
     - ROBOT/deploy.toml has the wire, the controller, its fallback, the camera's place and the gate; the virtual robot
