@@ -132,6 +132,8 @@ def test_what_cannot_be_rehearsed_is_refused_at_once(refused):
     refused("seconds must be at least 2", rehearse, "kalman", INFANTRY, seconds=1)
     refused("there is no wire", load_wire, "canbus")
     refused("no robot 'worm'", rehearse, "kalman", INFANTRY, virtual="worm")
+    far = {"config": DeployConfig(detections=DetectionsConfig(position_m=(2.0, 0.0, 0.0))), "tuning": "start"}
+    refused("deploy.toml: field detections.position_m: .*<= 1.0, got 2.0", rehearse, "kalman", INFANTRY, **far)
 
 
 def test_with_the_referee_s_heat_a_burst_is_followed_by_what_cools():

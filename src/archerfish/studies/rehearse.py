@@ -17,7 +17,7 @@ from archerfish.errors import InputError, checked_arguments
 from archerfish.messages import Numbers
 from archerfish.reports.progress import bar
 from archerfish.robot import Robot, RobotLike
-from archerfish.runtime.configuration import DeployConfig
+from archerfish.runtime.configuration import DeployConfig, setting
 from archerfish.runtime.pilot import Pilot
 from archerfish.safety.rules import narrowed_limits
 from archerfish.studies.deploy import decider_of
@@ -194,15 +194,15 @@ def emulated_robot(
     virtual, servo = found_robot(virtual), None
     if isinstance(virtual, VirtualRobot):
         description = virtual.description
-        referee = description.referee.replace(hit_radius_m=task.hit_radius_m)
-        description = description.replace(referee=referee)
-        if camera_m is not None:
-            forward, left, up = camera_m
-            camera = description.camera.replace(forward_m=forward, left_m=left, up_m=up)
-            description = description.replace(camera=camera)
     else:
-        description = described_by_records(robot, task.hit_radius_m, camera_m or (0.0, 0.0, 0.0))
+        description = described_by_records(robot, task.hit_radius_m, (0.0, 0.0, 0.0))
         servo = IdentifiedServo(robot, np.array([seed]))
+    camera, referee = description.camera, description.referee.replace(hit_radius_m=task.hit_radius_m)
+    if camera_m is not None:
+        forward, left, up = camera_m
+        with setting("detections.position_m"):
+            camera = camera.replace(forward_m=forward, left_m=left, up_m=up)
+    description = description.replace(camera=camera, referee=referee)
     return Emulator(
         description,
         robot.limits,
