@@ -16,6 +16,7 @@ results/rehearsal.json.
 import argparse
 import itertools
 import json
+import math
 import os
 import platform
 import tempfile
@@ -33,7 +34,8 @@ from alternating import ROOT
 from archerfish.protocols import Command, Engagement
 from archerfish.provenance import provenance
 from archerfish.studies.export import for_robot
-from archerfish.studies.rehearse import COUNTED_FROM_S, SwingingPlate, rehearse
+from archerfish.studies.rehearsal import COUNTED_FROM_S
+from archerfish.studies.rehearse import SwingingPlate, rehearse
 from archerfish.targets.motion import disc
 from archerfish.tracking.detections import GUESS_AGE_S
 from archerfish.tracking.host import Host
@@ -113,7 +115,15 @@ def offline(controller: Any, robot: af.Robot, target: SwingingPlate, seed: int) 
 def through_bytes(controller: Any, robot: af.Robot, target: SwingingPlate, wire: str, seed: int) -> Shots:
     """Return the shots of a rehearsal."""
     found = rehearse(
-        controller, robot, wire=wire, seconds=SECONDS, seed=seed, target=target, tuning="start", faults=HIDDEN
+        controller,
+        robot,
+        wire=wire,
+        seconds=SECONDS,
+        seed=seed,
+        target=target,
+        tuning="start",
+        faults=HIDDEN,
+        switch_on_s=[(1.0, math.inf)],  # else off after each
     )
     if found.fault:
         raise RuntimeError(f"{found.controller} was replaced by the fallback: {found.fault}")

@@ -4,11 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from archerfish.cli.emulate import read_faults
 from archerfish.cli.options import Ending, ForRobot, Writes, shown
-from archerfish.runtime.configuration import read_config
+from archerfish.errors import one_line
+from archerfish.runtime.configuration import FILE, read_config
 from archerfish.studies.live_rehearsal import rehearse_live
 from archerfish.studies.rehearse import SwingingPlate, rehearse
-from archerfish.virtual_robot.emulator import Fault
+
+_LONGEST = 1000  # characters of a text in a record
 
 
 @dataclass(frozen=True)
@@ -17,9 +20,12 @@ class Rehearse(Writes, ForRobot):
 
     - the computer has ROBOT's records alone; reports and commands are frames of the wire, detections lines of JSON
     - the operator's switch goes on after 1 s; hits count from 1.5 s on, at a plate that swings from side to side
+    - the operator switches off for 1 s, 0.5 s after the end of each fault, or of the last one where faults overlap,
+      since after some faults the gate asks for that
     - without MuJoCo, or with --virtual identified, the robot is that of ROBOT's records: its plants, camera and muzzle
     - --task and --command-limit give decision period and limits alone; a policy has those of its training
-    - ROBOT/deploy.toml has the wire, the controller, its fallback, the camera's place and the gate
+    - ROBOT/deploy.toml has the wire, the controller, its fallback, the camera's place and the gate; the virtual robot
+      has its camera there, too, wherever its file has it
     - prints the hit rate, from 500 pellets on with its 95 % interval, what became of the messages, and violations of
       the robot's limits
     - writes rehearsal.json, report.html and run.json
@@ -43,7 +49,7 @@ class Rehearse(Writes, ForRobot):
     """What travels between the computer and the robot; that of ROBOT/deploy.toml, or sp_vision_25."""
     virtual: Annotated[str, shown("NAME|FILE", "(default: infantry; without MuJoCo, identified)")] = ""
     """Virtual robot (infantry, worn), its TOML file, or identified for the robot of the records."""
-    fault: Annotated[tuple[tuple[str, float, float], ...], shown("KIND BEGIN END …")] = ()
+    fault: Annotated[tuple[str, ...], shown("KIND BEGIN END …")] = ()
     """What goes wrong, from when to when [s], as archerfish emulate takes it; hidden 4 6 hides the plate."""
     seconds: int = 20
     """That count."""
@@ -76,13 +82,17 @@ class Rehearse(Writes, ForRobot):
                 "seed": self.seed,
                 "target": SwingingPlate(self.distance_m, self.amplitude_m, self.frequency_hz),
                 "tuning": self.tuning,
-                "faults": [Fault(*fault) for fault in self.fault],
+                "faults": read_faults(self.fault),
             }
             wires = (self.wire,) if self.wire else config.wires
             if self.live:
                 rehearsal = rehearse_live(controller, robot, task, config.replace(wires=wires), **given)
             else:
                 rehearsal = rehearse(controller, robot, task, wire=wires, config=config, **given)
+            file = self.folder / FILE if self.folder else None
+            settings = f"{file}" if file and file.exists() else f"the defaults of {FILE}"
+            about = one_line(f"archerfish rehearse {options}; controller {controller}; settings {settings}")
+            rehearsal = rehearsal.replace(about=about[:_LONGEST])
             rehearsal.save(folder / "rehearsal.json")
             rehearsal.report.write_page(folder / "report.html")
         return Ending(f"{rehearsal}", f"open {out / 'report.html'}; every count is in {out / 'rehearsal.json'}")

@@ -1,6 +1,8 @@
 """A rehearsal in real time: an emulated robot in a process of its own, and `deploy` at the other end of its port."""
 
+import math
 import multiprocessing
+import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -15,21 +17,14 @@ from archerfish.robot import Robot
 from archerfish.runtime.configuration import DeployConfig
 from archerfish.runtime.pilot import Pilot
 from archerfish.studies.deploy import deploy
-from archerfish.studies.rehearse import (
-    COUNTED_FROM_S,
-    Rehearsal,
-    SwingingPlate,
-    counted,
-    emulated_robot,
-    found_robot,
-    robot_name,
-)
+from archerfish.studies.rehearsal import COUNTED_FROM_S, Rehearsal, rehearsal_of
+from archerfish.studies.rehearse import SwingingPlate, emulated_robot, found_robot, robot_name, switch_times
 from archerfish.task import Task
 from archerfish.virtual_robot.emulator import Emulator, Fault
 from archerfish.virtual_robot.emulator_port import EmulatorPort
 
 _MORE_S = 0.2  # the times of the robot begin with the first command
-_SWITCH_S = 1.1  # when the switch of a wire without one goes on: after the emulated operator's
+_MARGIN_S = 0.1  # the switch of a wire without one is on within the times of the emulated operator's
 
 
 def rehearse_live(
@@ -51,7 +46,8 @@ def rehearse_live(
       controller: as `export` takes it.
       robot: its records.
       task: decision period and command limit; a policy has those of its own.
-      config: wires, detections, fallback and gate; the chassis of the emulated robot stands.
+      config: wires, detections, fallback and gate; the chassis of the emulated robot stands, and its camera is at
+        `position_m`.
       virtual: as `studies.rehearse.rehearse` takes it.
       seconds: that count.
       seed: of the robot's noise and of the dispersion.
@@ -71,14 +67,18 @@ def rehearse_live(
     here, there = context.Pipe()
     process = context.Process(target=_emulate, args=(there, arguments), daemon=True)
     process.start()
+    switch_on_s, begun_s = switch_times(faults), math.inf
     try:
         port = _received(here)
         with bar("rehearsing", seconds, "seconds") as advance:
 
             def watch(pilot: Pilot) -> bool:
-                time_s = pilot.counts["decisions"] * task.period_s
+                nonlocal begun_s
+                if pilot.counts["decisions"]:
+                    begun_s = min(begun_s, time.monotonic())
+                time_s = max(0.0, time.monotonic() - begun_s)
                 if not pilot.has_switch:
-                    pilot.switch = time_s > _SWITCH_S
+                    pilot.switch = any(begin + _MARGIN_S < time_s < end - _MARGIN_S for begin, end in switch_on_s)
                 if pilot.counts["decisions"] % round(1.0 / task.period_s) == 0:
                     advance(min(max(0.0, time_s - COUNTED_FROM_S), seconds))
                 return False
@@ -97,20 +97,23 @@ def rehearse_live(
         f"Real time, {deployment.language}: {len(timing.work)} decisions, {timing.missed} missed, 99.9 % at most "
         f"{late_ms:.2f} ms late; the emulated robot was up to {1e3 * late_s:.0f} ms late."
     )
-    return Rehearsal(
-        robot=robot.name,
+    return rehearsal_of(
+        pellets,
+        seconds=seconds,
+        robot=robot,
         virtual=robot_name(found_robot(virtual)),
-        wire="+".join(Path(name).stem for name in config.wires),
+        wires=config.wires,
+        config=config,
         controller=deployment.controller,
         target=(*target,),
         period_s=task.period_s,
+        hit_radius_m=task.hit_radius_m,
         seed=seed,
         messages=deployment.counts,
         violations=violations,
         fault=deployment.fault,
         faults=tuple(faults),
         conditions=conditions,
-        **counted(pellets, seconds),
     )
 
 
@@ -125,7 +128,7 @@ def _emulate(connection: Connection, arguments: Any) -> None:
     except InputError as error:
         connection.send(error)
         return
-    pellets = [pellet._replace(time_s=pellet.time_s - emulator.trial_s) for pellet in emulator.pellets]
+    pellets = [pellet._replace(time_s=pellet.time_s - port.begun_s) for pellet in emulator.pellets]
     connection.send((pellets, dict(+emulator.monitor.violations), port.late_s))
 
 

@@ -14,13 +14,14 @@ import numpy as np
 
 from archerfish.errors import InputError, meant
 from archerfish.messages import Numbers
-from archerfish.records.limits import LimitsRecord
+from archerfish.records.limits import UNLIMITED, LimitsRecord
 from archerfish.virtual_robot.batch import MovingPlate, RobotBatch
 from archerfish.virtual_robot.description import TICK_S, RobotDescription
 from archerfish.virtual_robot.flights import Received
 from archerfish.virtual_robot.monitor import TRANSIT_S, CommandMonitor
 from archerfish.virtual_robot.servo import GimbalServo
 from archerfish.wires import Stream
+from archerfish.wires.layout import Layout
 from archerfish.wires.wire import TableWire
 
 _CAMERA_CLOCK_S, _OTHER_CLOCK_S = 54_321.5, 3600.0  # the camera's clock, and another one, less the robot's
@@ -102,7 +103,8 @@ class Emulator:
           servo: of one gimbal, in the place of the description's.
 
         Raises:
-          InputError: if there is no such kind of fault, or the wire can't be emulated.
+          InputError: if there is no such kind of fault, the wire can't be emulated, or its report has no room for the
+            limits.
         """
         for fault in faults:
             if fault.kind not in FAULTS:
@@ -112,6 +114,7 @@ class Emulator:
                 got = f"got {fault.begin_s:g} and {fault.end_s:g} s"
                 raise InputError(f"fault {fault.kind}: expected a begin before its end, {got}; exchange them")
         wire.check_complete()
+        _check_room(wire.layouts[wire.report], limits)
         if wire.layouts[wire.report].step("yaw") and any(fault.kind == "nan" for fault in faults):
             raise InputError("fault nan: the angles of this wire are whole numbers; choose another fault, or flip")
         self._robots = RobotBatch(description, 1, np.array([seed]), servo=servo)
@@ -264,6 +267,23 @@ class Emulator:
         if frame:
             self._line_free_s = arrives = max(arrives, self._line_free_s)
         return Delivery(arrives, False, frame, time if true in frame else -math.inf)
+
+
+def _check_room(report: Layout, limits: LimitsRecord) -> None:
+    """Refuse a report without room for the ends of the limits, which would end a run."""
+    for axis, own in (("pitch", limits.pitch), ("yaw", limits.yaw)):
+        low, high = own.ends if own.low is not None else (-math.pi, math.pi)
+        rate = own.max_rate if own.max_rate < UNLIMITED else 0.0
+        needed = {axis: (high, low), f"{axis}_encoder": (high, low), f"{axis}_rate": (rate, -rate)}
+        for field, values in needed.items():
+            for value in values if field in report.names else ():
+                try:
+                    report.encode({field: value})
+                except InputError as error:
+                    unit = "rad/s" if field.endswith("_rate") else "rad"
+                    problem = f"field {field}: it has no room for {value:g} {unit}, which limits.json allows"
+                    remedy = "give it a wider type or a larger scale, or narrow limits.json"
+                    raise InputError(f"frame {report.name}: {problem}; {remedy}") from error
 
 
 def _flipped(frame: bytes, bit: int) -> bytes:

@@ -18,6 +18,7 @@ from archerfish.wires.transports import read_address
 _TICKS = 2  # between looks at what arrived
 _PRIORITY = 40  # below the computer's, where the system allows one: a robot does not slow down beside other programs
 _MOST_BYTES = 4096  # of a read
+_SILENT_S = 1.0  # after which bytes are those of a computer that begins
 _BEHIND_S = 0.5  # a robot that is later than that skips the time: a computer that slept is no slow robot
 
 
@@ -52,6 +53,8 @@ class EmulatorPort:
         self._received = deque[bytes]()
         self.late_s = 0.0
         """Most that the robot was behind real time [s]."""
+        self.begun_s = float("inf")
+        """When the first bytes of the computer came, by the robot's clock [s]."""
         self._is_open = True
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -67,16 +70,18 @@ class EmulatorPort:
     def run(self, is_stopped: Callable[[], bool], seconds: float = float("inf")) -> None:
         """Let the robot live in real time.
 
-        Times of the operator's switch and of faults count from the first bytes of the computer on.
+        Times of the operator's switch and of faults count from the first bytes of the computer on, and again from the
+        first ones after a second without any: a computer that is started again meets a switch that goes on.
 
         Args:
           is_stopped: asked every two milliseconds.
-          seconds: after the first bytes, until which it lives [s].
+          seconds: after the very first bytes, until which it lives [s].
         """
         robot, begun = self._emulator, time.monotonic() - self._emulator.time
-        robot.trial_s = float("inf")
+        robot.trial_s = self.begun_s = float("inf")
+        last_bytes_s = float("-inf")
         prefer(_PRIORITY)
-        while robot.time - robot.trial_s < seconds and not is_stopped():
+        while robot.time - self.begun_s < seconds and not is_stopped():
             left = begun + robot.time + _TICKS * TICK_S - time.monotonic()
             if left > 0.0:
                 time.sleep(left)
@@ -84,8 +89,10 @@ class EmulatorPort:
             if left < -_BEHIND_S:
                 begun -= left
             while self._received:
-                if robot.trial_s == float("inf"):
+                self.begun_s = min(self.begun_s, robot.time)
+                if robot.time - last_bytes_s > _SILENT_S:
                     robot.trial_s = robot.time
+                last_bytes_s = robot.time
                 robot.on_bytes(self._received.popleft())
             for delivery in robot.advance(_TICKS):
                 if delivery.is_datagram:
