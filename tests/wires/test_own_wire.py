@@ -72,6 +72,22 @@ def test_the_class_reads_and_writes_what_is_made_by_hand():
         assert wire.encode(command) == summed(bytes.fromhex("5AA502") + struct.pack("<Bff", state, 0.1, -0.2))
 
 
+@pytest.mark.parametrize(
+    "old, new, pattern",
+    [
+        ("np.stack([pitch, yaw], axis=-1)", "pitch", r"angle: .*shape \(1, 2\) for 1 reports, got \(1,\)"),
+        (".reshape(-1, 2)", ".ravel()", r"rate: .*shape \(1, 2\) for 1 reports, got \(2,\)"),
+        ("muzzle_speed=unknown", "muzzle_speed=15.0", r"muzzle_speed: .*shape \(1,\) for 1 reports, got float"),
+        ("self.report.decode(frame.data) for", "frame.missing for", r"line \d+: AttributeError: .*missing"),
+    ],
+)
+def test_a_class_whose_reports_have_other_shapes_is_refused_by_file_and_name(old, new, pattern, tmp_path, refused):
+    text = Path(f"{EXAMPLES}/our_wire.py").read_text()
+    assert text.count(old) == 1
+    (tmp_path / "mine.py").write_text(text.replace(old, new).replace(" if frame.data == with_sum(frame.data)", ""))
+    refused(rf"mine\.py:OurWire: .*{pattern}", load_wire, f"{tmp_path}/mine.py:OurWire")
+
+
 def test_a_controller_and_a_table_of_our_own_are_rehearsed():
     pytest.importorskip("mujoco")
     from archerfish.studies.rehearse import rehearse
