@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import shutil
 import struct
 import threading
@@ -14,7 +15,7 @@ import pytest
 
 from archerfish.dynamics.linear_axis import advance, gimbal_angle, rest_state
 from archerfish.robot import Robot
-from archerfish.runtime.configuration import read_config
+from archerfish.runtime.configuration import DeployConfig, read_config
 from archerfish.studies.deploy import deploy
 from archerfish.task import Task
 from archerfish.wires import Stream, load_wire
@@ -96,6 +97,23 @@ def test_a_controller_and_a_table_of_our_own_are_rehearsed():
     found = rehearse(own, INFANTRY, wire=TABLE, seconds=2, tuning="start")
     assert (found.controller, found.wire, found.violations, found.fault) == ("LineFit", "our_wire", {}, "")
     assert found.rate.hits > 70
+
+
+def test_the_files_of_the_page_are_read_and_cost_no_hits(tmp_path):
+    pytest.importorskip("mujoco")
+    from archerfish.studies.rehearse import rehearse
+
+    page = (EXAMPLES.parent / "docs" / "deployment.md").read_text()
+    configs = list[DeployConfig]()
+    for text in re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[:2]:
+        (tmp_path / "deploy.toml").write_text(text)
+        configs.append(read_config(tmp_path))
+    least, whole = configs
+    assert f"{least}" == f"{DeployConfig(yaw_reference='fixed-chassis')}"
+    assert (whole.wires, whole.yaw_reference, whole.gate.near_deg) == (("sp_vision_25",), "fixed-chassis", 20.0)
+    found = rehearse(whole.controller.mode, INFANTRY, config=whole, seconds=3, tuning="start")
+    assert (found.violations, found.fault) == ({}, "")
+    assert sum(found.hits) > 0.8 * sum(found.fired) > 30
 
 
 class Microcontroller:
