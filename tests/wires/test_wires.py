@@ -277,7 +277,8 @@ sent.fire = { mode = 2 }
         ),
         ('01", "pitch', '01", "pich', "frame report has no pitch; for pich perhaps you meant pitch$"),
         (', "pitch_rate f32", "yaw_rate f32"', "", "frame report has no pitch_rate, yaw_rate; add what is missing$"),
-        ("sent.idle = { mode = 0 }", "sent.idle = { mode = 1 }", "sent.idle is the same as sent.control"),
+        ("sent.idle = { mode = 0 }", "sent.idle = { mode = 1 }", "sent.idle is the same as another state"),
+        ("sent.idle = { mode = 0 }", "sent.idle = { mode = 2 }", "sent.idle is the same as another state"),
         (
             "sent.fire = { mode = 2 }",
             "[shoot]\nfields = ['= 03']\nsent.fire = {}",

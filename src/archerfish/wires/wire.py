@@ -127,18 +127,17 @@ class TableWire:
           InputError: saying what is missing.
         """
         idle, control, fire = (self._sent_in(state) for state in ("idle", "control", "fire"))
-        controlling = [self.layouts[frame] for frame in control]
-        firing = [self.layouts[frame] for frame in fire]
+        controlling, firing = ([self.layouts[frame] for frame in frames] for frames in (control, fire))
         fires = any(control.get(frame) != numbers for frame, numbers in fire.items())
-        with_switch = [frame for frame, table in self.tables.items() if table.switch_on]
-        elsewhere = ", ".join(frame for frame in with_switch if frame != self.report)
+        elsewhere = ", ".join(name for name, table in self.tables.items() if table.switch_on and name != self.report)
         problems = (
             _lacking(self.received, _ANGLES, "frame", "a report; join its file"),
             elsewhere and f"switch_on is in {elsewhere}, expected it in {self.report}, whose age is watched; move it",
             "no frame has sent.control, expected a command; join its file" * (not control),
             "no sent.fire differs from its sent.control, so no shot could be fired; write it" * (not fires),
             "no frame has sent.idle, so the gimbal could not be let go; write it" * (not idle),
-            "sent.idle is the same as sent.control, so the gimbal could not be let go; change one" * (idle == control),
+            "sent.idle is the same as another state, so the gimbal could not be let go; change one"
+            * (idle in (control, fire)),
             _lacking(controlling, _COMMANDED, "frame with sent.control", "a command; add both to one frame"),
             _lacking(firing, _COMMANDED, "frame with sent.fire", "the angles, too; add sent.fire to their frame"),
         )
@@ -209,8 +208,7 @@ def load_wire(*wires: str | Path | Wire) -> Wire:
     if not isinstance(first, str | Path) or names_code(str(first)):
         return _own_wire(first, others)
     tables, names = dict[str, FrameTable](), list[str]()
-    for wire in wires:
-        path, own = _read_tables(wire)
+    for path, own in map(_read_tables, wires):
         if twice := own.keys() & tables.keys():
             raise file_error(path, f"frame {min(twice)} is in another file, too", "rename it in one of them")
         tables |= own
@@ -224,15 +222,12 @@ def check_shapes(reports: WireReports) -> None:
     Raises:
       InputError: naming the array.
     """
-    feedback, others = reports.feedback._asdict(), reports._asdict()
-    del others["feedback"]
-    if others["switch_on"] is None:
-        del others["switch_on"]
-    size = np.size(reports.feedback.sampled_s)
-    for name, array in (feedback | others).items():
+    feedback, *others = reports
+    size = np.size(feedback.sampled_s)
+    for name, array in zip((*Feedback._fields, *WireReports._fields[1:]), (*feedback, *others), strict=True):
         shape = (size, 2) if name in ("angle", "rate") else (size,)
-        if getattr(array, "shape", None) != shape:
-            got = getattr(array, "shape", type(array).__name__)
+        got = getattr(array, "shape", type(array).__name__)
+        if got != shape and not (name == "switch_on" and array is None):
             raise InputError(f"decode: {name}: expected an array of shape {shape} for {size} reports, got {got}")
 
 
