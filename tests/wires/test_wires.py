@@ -255,7 +255,7 @@ def test_a_wire_without_a_direction_is_refused(tmp_path, refused):
 
 WHOLE = """
 [report]
-fields = ["= 01", "pitch f32", "yaw f32", "pitch_rate f32", "yaw_rate f32"]
+fields = ["= 01", "switch u8", "pitch f32", "yaw f32", "pitch_rate f32", "yaw_rate f32"]
 
 [command]
 fields = ["= 02", "mode u8", "pitch f32", "yaw f32"]
@@ -268,14 +268,24 @@ sent.fire = { mode = 2 }
 @pytest.mark.parametrize(
     "old, new, pattern",
     [
-        ('u8", "pitch', 'u8", "pich', "frame command has no pitch; for pich perhaps you meant pitch$"),
-        ('u8", "pitch f32", "yaw f32"', 'u8", "pitch f32"', "frame command has no yaw; add what is missing$"),
+        ('mode u8", "pitch', 'mode u8", "pich', "frame command has no pitch; for pich perhaps you meant pitch$"),
+        ('mode u8", "pitch f32", "yaw f32"', 'mode u8", "pitch f32"', "frame command has no yaw; add what is missing$"),
         (
-            'u8", "pitch f32", "yaw f32"',
-            'u8"',
+            'mode u8", "pitch f32", "yaw f32"',
+            'mode u8"',
             "no frame with sent.control has pitch, yaw, expected a command",
         ),
-        ('01", "pitch', '01", "pich', "frame report has no pitch; for pich perhaps you meant pitch$"),
+        ('switch u8", "pitch', 'switch u8", "pich', "frame report has no pitch; for pich perhaps you meant pitch$"),
+        (
+            '"pitch f32", "yaw f32", "pitch_rate',
+            '"yaw f32", "pitch_rate',
+            "frame report has no pitch; add what is missing$",
+        ),
+        (
+            '"pitch_rate f32", "yaw_rate',
+            '"pitchrate f32", "yawrate',
+            ".* pitch_rate, yaw_rate; for pitchrate perhaps you meant pitch_rate, for yawrate .* yaw_rate$",
+        ),
         (', "pitch_rate f32", "yaw_rate f32"', "", "frame report has no pitch_rate, yaw_rate; add what is missing$"),
         ("sent.idle = { mode = 0 }", "sent.idle = { mode = 1 }", "sent.idle is the same as another state"),
         ("sent.idle = { mode = 0 }", "sent.idle = { mode = 2 }", "sent.idle is the same as another state"),

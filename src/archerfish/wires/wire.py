@@ -1,5 +1,6 @@
 """The two directions of a wire: frames as reports of the robot, and commands as frames, by tables of a TOML file."""
 
+import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol, TypeAlias
@@ -22,6 +23,7 @@ _REMEDY = "correct it; a frame may have fields, endian, switch_on, sent.idle, se
 _ANGLES = ("pitch", "yaw", "pitch_rate", "yaw_rate")
 _COMMANDED = _ANGLES[:2]
 _ENCODER = "yaw_encoder"
+_NEAR = 0.75  # of difflib: "pich" is near to "pitch", and "switch" is not
 _LARGEST = 1e3  # no angle [rad] and no rate [rad/s] of a gimbal is beyond it
 _Numbers: TypeAlias = dict[str, Number]
 _State: TypeAlias = Literal["idle", "control", "fire"]
@@ -269,9 +271,11 @@ def _lacking(layouts: Sequence[Layout], expected: Sequence[str], frames: str, wh
     missing = lacks[nearest]
     if not missing:
         return ""
-    near = [(name, meant(name, missing, "")) for name in nearest.names if name not in expected]
-    remedy = next((f"for {name} {remedy}" for name, remedy in near if remedy), "add what is missing")
-    return f"frame {nearest.name} has no {', '.join(missing)}; {remedy}"
+    others, remedies = [name for name in nearest.names if name not in expected], list[str]()
+    for name in missing:
+        if near := difflib.get_close_matches(name, others, 1, _NEAR):
+            remedies.append(f"for {near[0]} perhaps you meant {name}")
+    return f"frame {nearest.name} has no {', '.join(missing)}; {', '.join(remedies) or 'add what is missing'}"
 
 
 def _read_tables(wire: object) -> tuple[Path, dict[str, FrameTable]]:
