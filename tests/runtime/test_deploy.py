@@ -180,7 +180,7 @@ def test_a_latency_counts_from_exposures_or_comes_from_deploy_toml(refused):
         ({}, ENDLESS, WITHOUT_PORT),
         ({"gate": GateConfig(yaw=INFANTRY.limits.yaw)}, ENDLESS, "the yaw's range, -75° to 75°"),
         ({"wires": ("canbus",)}, INFANTRY, r"deploy\.toml: field wires: there is no wire 'canbus'"),
-        ({"wires": ("rm_vision",)}, INFANTRY, r"deploy\.toml: field wires: wire rm_vision: no frame has pitch"),
+        ({"wires": ("rm_vision",)}, INFANTRY, r"deploy\.toml: field wires: wire rm_vision: .* no pitch_rate"),
         (
             {"gate": GateConfig(yaw=WIDE), "yaw_reference": "encoder"},
             INFANTRY,

@@ -207,7 +207,7 @@ def test_it_says_why_it_is_not_armed_and_a_command_that_was_not_sent_does_not_co
 
 def test_a_pilot_needs_a_camera_of_known_latency_and_a_wire_of_two_directions(refused):
     refused("no latency of its camera", piloted, Asks(0, 0), robot=INFANTRY.replace(sensing=None))
-    refused("rm_vision: no frame has pitch, yaw, pitch_rate", piloted, Asks(0, 0), load_wire("rm_vision"))
+    refused("rm_vision: frame feedback has no pitch_rate, yaw_rate; add", piloted, Asks(0, 0), load_wire("rm_vision"))
 
 
 def test_stamps_of_a_clock_that_drifts_and_one_that_jumps():

@@ -128,7 +128,7 @@ def test_a_fault_is_a_kind_and_two_times(command, words, capsys):
 
 def test_what_cannot_be_rehearsed_is_refused_at_once(refused):
     refused("paper has no record of its camera and link, .*archerfish rehearse my-robot", rehearse, "kalman")
-    refused("rm_vision: no frame has pitch", rehearse, "kalman", INFANTRY, wire="rm_vision", tuning="start")
+    refused("rm_vision: .* no pitch_rate", rehearse, "kalman", INFANTRY, wire="rm_vision", tuning="start")
     refused("seconds must be at least 2", rehearse, "kalman", INFANTRY, seconds=1)
     refused("there is no wire", load_wire, "canbus")
     refused("no robot 'worm'", rehearse, "kalman", INFANTRY, virtual="worm")

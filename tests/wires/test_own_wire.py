@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import shutil
 import struct
 import threading
@@ -14,7 +15,7 @@ import pytest
 
 from archerfish.dynamics.linear_axis import advance, gimbal_angle, rest_state
 from archerfish.robot import Robot
-from archerfish.runtime.configuration import read_config
+from archerfish.runtime.configuration import DeployConfig, read_config
 from archerfish.studies.deploy import deploy
 from archerfish.task import Task
 from archerfish.wires import Stream, load_wire
@@ -72,6 +73,22 @@ def test_the_class_reads_and_writes_what_is_made_by_hand():
         assert wire.encode(command) == summed(bytes.fromhex("5AA502") + struct.pack("<Bff", state, 0.1, -0.2))
 
 
+@pytest.mark.parametrize(
+    "old, new, pattern",
+    [
+        ("np.stack([pitch, yaw], axis=-1)", "pitch", r"angle: .*shape \(1, 2\) for 1 reports, got \(1,\)"),
+        (".reshape(-1, 2)", ".ravel()", r"rate: .*shape \(1, 2\) for 1 reports, got \(2,\)"),
+        ("muzzle_speed=unknown", "muzzle_speed=15.0", r"muzzle_speed: .*shape \(1,\) for 1 reports, got float"),
+        ("self.report.decode(frame.data) for", "frame.missing for", r"line \d+: AttributeError: .*missing"),
+    ],
+)
+def test_a_class_whose_reports_have_other_shapes_is_refused_by_file_and_name(old, new, pattern, tmp_path, refused):
+    text = Path(f"{EXAMPLES}/our_wire.py").read_text()
+    assert text.count(old) == 1
+    (tmp_path / "mine.py").write_text(text.replace(old, new).replace(" if frame.data == with_sum(frame.data)", ""))
+    refused(rf"mine\.py:OurWire: .*{pattern}", load_wire, f"{tmp_path}/mine.py:OurWire")
+
+
 def test_a_controller_and_a_table_of_our_own_are_rehearsed():
     pytest.importorskip("mujoco")
     from archerfish.studies.rehearse import rehearse
@@ -80,6 +97,23 @@ def test_a_controller_and_a_table_of_our_own_are_rehearsed():
     found = rehearse(own, INFANTRY, wire=TABLE, seconds=2, tuning="start")
     assert (found.controller, found.wire, found.violations, found.fault) == ("LineFit", "our_wire", {}, "")
     assert found.rate.hits > 70
+
+
+def test_the_files_of_the_page_are_read_and_cost_no_hits(tmp_path):
+    pytest.importorskip("mujoco")
+    from archerfish.studies.rehearse import rehearse
+
+    page = (EXAMPLES.parent / "docs" / "deployment.md").read_text()
+    configs = list[DeployConfig]()
+    for text in re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[:2]:
+        (tmp_path / "deploy.toml").write_text(text)
+        configs.append(read_config(tmp_path))
+    least, whole = configs
+    assert f"{least}" == f"{DeployConfig(yaw_reference='fixed-chassis')}"
+    assert (whole.wires, whole.yaw_reference, whole.gate.near_deg) == (("sp_vision_25",), "fixed-chassis", 20.0)
+    found = rehearse(whole.controller.mode, INFANTRY, config=whole, seconds=3, tuning="start")
+    assert (found.violations, found.fault) == ({}, "")
+    assert sum(found.hits) > 0.8 * sum(found.fired) > 30
 
 
 class Microcontroller:

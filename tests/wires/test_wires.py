@@ -210,7 +210,8 @@ def test_the_chassis_turns_by_what_the_encoder_does_not_see():
 
 def test_a_team_gives_a_wire_of_its_own(tmp_path):
     text = "from archerfish.wires import load_wire\nclass Ours:\n  received = load_wire('roborts').received\n"
-    text += "  def decode(self, frames): return 'decoded'\n  def encode(self, sent): return b'!'\n"
+    text += "  def decode(self, frames): return load_wire('roborts').decode(frames)\n"
+    text += "  def encode(self, sent): return b'!'\n"
     (tmp_path / "ours.py").write_text(text)
     assert load_wire(f"{tmp_path}/ours.py:Ours").encode(None) == b"!"
 
@@ -250,6 +251,71 @@ def test_a_wire_without_a_direction_is_refused(tmp_path, refused):
     for pattern, text in texts.items():
         (tmp_path / "mine.toml").write_text(text)
         refused(f"wire mine: {pattern}", load_wire(tmp_path / "mine.toml").check_complete)
+
+
+WHOLE = """
+[report]
+fields = ["= 01", "switch u8", "pitch f32", "yaw f32", "pitch_rate f32", "yaw_rate f32"]
+
+[command]
+fields = ["= 02", "mode u8", "pitch f32", "yaw f32"]
+sent.idle = { mode = 0 }
+sent.control = { mode = 1 }
+sent.fire = { mode = 2 }
+"""
+
+
+@pytest.mark.parametrize(
+    "old, new, pattern",
+    [
+        ('mode u8", "pitch', 'mode u8", "pich', "frame command has no pitch; for pich perhaps you meant pitch$"),
+        ('mode u8", "pitch f32", "yaw f32"', 'mode u8", "pitch f32"', "frame command has no yaw; add what is missing$"),
+        (
+            'mode u8", "pitch f32", "yaw f32"',
+            'mode u8"',
+            "no frame with sent.control has pitch, yaw, expected a command",
+        ),
+        ('switch u8", "pitch', 'switch u8", "pich', "frame report has no pitch; for pich perhaps you meant pitch$"),
+        (
+            '"pitch f32", "yaw f32", "pitch_rate',
+            '"yaw f32", "pitch_rate',
+            "frame report has no pitch; add what is missing$",
+        ),
+        (
+            '"pitch_rate f32", "yaw_rate',
+            '"pitchrate f32", "yawrate',
+            ".* pitch_rate, yaw_rate; for pitchrate perhaps you meant pitch_rate, for yawrate .* yaw_rate$",
+        ),
+        (', "pitch_rate f32", "yaw_rate f32"', "", "frame report has no pitch_rate, yaw_rate; add what is missing$"),
+        ("sent.idle = { mode = 0 }", "sent.idle = { mode = 1 }", "sent.idle is the same as another state"),
+        ("sent.idle = { mode = 0 }", "sent.idle = { mode = 2 }", "sent.idle is the same as another state"),
+        (
+            "sent.fire = { mode = 2 }",
+            "[shoot]\nfields = ['= 03']\nsent.fire = {}",
+            "no frame with sent.fire has pitch, yaw, expected the angles, too; add sent.fire to their frame",
+        ),
+    ],
+)
+def test_a_wire_whose_commands_or_reports_lack_angles_is_refused(old, new, pattern, tmp_path, refused):
+    (tmp_path / "mine.toml").write_text(WHOLE)
+    load_wire(tmp_path / "mine.toml").check_complete()
+    assert WHOLE.count(old) == 1
+    (tmp_path / "mine.toml").write_text(WHOLE.replace(old, new))
+    refused(f"wire mine: {pattern}", load_wire(tmp_path / "mine.toml").check_complete)
+
+
+def test_a_state_or_a_line_of_a_frame_that_there_is_not_is_named_with_those_that_there_are(tmp_path, refused):
+    for old, new, pattern in (
+        (
+            "sent.idle",
+            "sent.idel",
+            r"field command\.sent: .*'idel', expected one of idle, control, fire; .* idle",
+        ),
+        ("[command]\nfields", "[command]\nfeilds", "field command: .*unknown field feilds; perhaps you meant fields"),
+        ("[command]", "[command]\nendian = 'Big'", r"field command\.endian: .*'Big', expected one of little, big"),
+    ):
+        (tmp_path / "mine.toml").write_text(WHOLE.replace(old, new))
+        refused(pattern, load_wire, tmp_path / "mine.toml")
 
 
 def test_a_file_of_code_needs_the_name_of_its_wire(tmp_path, refused):

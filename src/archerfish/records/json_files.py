@@ -9,14 +9,14 @@ import re
 import reprlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from archerfish.errors import InputError, file_error, one_line
+from archerfish.errors import InputError, file_error, meant, one_line
 from archerfish.storage import read_bytes, text_of, write_bytes
 
 T = TypeVar("T")
@@ -108,7 +108,7 @@ def to_struct(content: Any, path: Path, kind: type[T], schema: str | None, remed
     try:
         return msgspec.convert(content, kind, dec_hook=decode)
     except (msgspec.ValidationError, UnicodeEncodeError) as error:
-        raise file_error(path, fault(error, content), remedy) from error
+        raise file_error(path, fault(error, content, kind=kind), remedy) from error
 
 
 def decode(kind: Any, value: Any) -> Any:
@@ -132,17 +132,51 @@ def decode(kind: Any, value: Any) -> Any:
     return array
 
 
-def fault(error: Exception, content: Any, name: str = "") -> str:
-    """Return which field is wrong, what was expected and what is there."""
+def fault(error: Exception, content: Any, name: str = "", kind: Any = None) -> str:
+    """Return which field is wrong, what was expected and what is there.
+
+    Args:
+      error: of msgspec.
+      content: what was converted.
+      name: of the content, before the names of its fields.
+      kind: to which it was converted, for the words and fields that it may have.
+    """
     if isinstance(error.__cause__, InputError):  # of a record inside, which has said it all
         return str(error.__cause__).removesuffix("; correct it")
-    text, _, place = str(error).replace("`", "").partition(" - at $")
+    text, _, place = re.sub(r" - at key in \$", " - at $", str(error).replace("`", "")).partition(" - at $")
+    expected = _expected(text, kind, place)
     if text.startswith("Expected") and ", got" not in text and "..." not in place:
         for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", place):
             content = content[key or int(index)]
         text += f", got {reprlib.repr(content)}"
     field = f"field {(name + place).removeprefix('.')}: " if name + place else ""
-    return one_line(field + text[0].lower() + text[1:])
+    return one_line(field + text[0].lower() + text[1:] + expected)
+
+
+def _expected(text: str, kind: Any, place: str) -> str:
+    """Return what may be in the place of an unknown word or field; nothing for other errors."""
+    whole = kind
+    unknown = re.sub("^(Invalid enum value|Object contains unknown field) ", "", text)
+    for name in re.findall(r"\.(\w+)", place):
+        kind = next((field.type for field in _fields(kind) if field.name == name), None)
+    if text.startswith("Invalid enum value"):
+        literals = [part for part in (kind, *get_args(kind)) if get_origin(part) is Literal]
+        known = [str(word) for literal in literals for word in get_args(literal) if word != ""]
+        expected = f", expected one of {', '.join(known)}" if known else ""
+    elif text.startswith("Object contains unknown field"):
+        if place and any(field.name == unknown for field in _fields(whole)):
+            return ", which belongs to the top level (in TOML, above the tables)"
+        known, expected = [field.name for field in _fields(kind)], ""
+    else:
+        return ""
+    near = "" if unknown.isdecimal() else meant(unknown.strip("'"), known, "")
+    return f"{expected}; {near}" if near else expected
+
+
+def _fields(kind: Any) -> tuple[msgspec.structs.FieldInfo, ...]:
+    """Return the fields of a record, or of that in a union; none of anything else."""
+    records = [part for part in (kind, *get_args(kind)) if isinstance(part, type) and issubclass(part, msgspec.Struct)]
+    return msgspec.structs.fields(records[0]) if records else ()
 
 
 def plain(value: Any) -> Any:

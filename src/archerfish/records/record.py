@@ -3,7 +3,7 @@
 import functools
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Self
 
 import msgspec
 from msgspec import Meta
@@ -76,13 +76,10 @@ class Struct(
             try:
                 value = msgspec.convert(value, kind, dec_hook=decode)
             except (msgspec.ValidationError, UnicodeEncodeError) as error:
-                text, parts = fault(error, value, f".{name}"), (kind, *get_args(kind))
+                text = fault(error, value, f".{name}", kind)
                 text = text.replace("expected object", f"expected a {getattr(kind, '__name__', 'record')}")
-                remedy = "correct it"
-                if choices := [str(word) for part in parts if get_origin(part) is Literal for word in get_args(part)]:
-                    text += f", expected one of {', '.join(choices)}"
-                    remedy = meant(str(value), choices, remedy)
-                raise InputError(f"{type(self).__name__}: {text}; {remedy}") from error
+                remedy = "" if "; perhaps" in text else "; correct it"
+                raise InputError(f"{type(self).__name__}: {text}{remedy}") from error
             msgspec.structs.force_setattr(self, name, value)
 
     def replace(self, **changes: Any) -> Self:

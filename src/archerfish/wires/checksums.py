@@ -1,5 +1,6 @@
-"""Cyclic redundancy checks of frames: reflected polynomials, no final inversion, least significant byte first."""
+"""Cyclic redundancy checks of frames, without a final inversion; docs/deployment.md has a table of them."""
 
+import binascii
 from functools import cache
 from typing import NamedTuple
 
@@ -8,8 +9,9 @@ class Checksum(NamedTuple):
     """A cyclic redundancy check."""
 
     size: int  # bytes
-    polynomial: int  # reflected
-    begin: int  # value before the first byte
+    polynomial: int  # as printed, or reflected
+    begin: int  # the register before the first byte
+    is_reflected: bool = True  # bits in the order of the line, the lowest one first
 
 
 CHECKSUMS = {
@@ -19,22 +21,30 @@ CHECKSUMS = {
     "roborts32": Checksum(4, 0xEDB88320, 0x3AA3),
     "ep8": Checksum(1, 0x8C, 0x77),
     "ep16": Checksum(2, 0x8408, 0x3692),
+    "modbus": Checksum(2, 0xA001, 0xFFFF),
+    "ccitt": Checksum(2, 0x1021, 0xFFFF, is_reflected=False),
+    "xmodem": Checksum(2, 0x1021, 0x0000, is_reflected=False),
 }
 """By the names that tables of frames have for them."""
 
 
 def checksum(name: str, data: bytes) -> bytes:
-    """Return the checksum of some bytes.
+    """Return the checksum of some bytes, least significant byte first.
 
     Args:
-      name: one of `CHECKSUMS`.
+      name: one of `CHECKSUMS`, with " big" behind it for the most significant byte first.
       data: bytes before the checksum.
     """
+    name, _, order = name.partition(" ")
     check = CHECKSUMS[name]
-    table, value = _table(check.polynomial), check.begin
-    for byte in data:
-        value = value >> 8 ^ table[(value ^ byte) & 0xFF]
-    return value.to_bytes(check.size, "little")
+    value = check.begin
+    if check.is_reflected:
+        table = _table(check.polynomial)
+        for byte in data:
+            value = value >> 8 ^ table[(value ^ byte) & 0xFF]
+    else:
+        value = binascii.crc_hqx(data, value)  # of the polynomial 0x1021
+    return value.to_bytes(check.size, "big" if order == "big" else "little")
 
 
 @cache

@@ -6,7 +6,7 @@ Each field is a text:
 - `NAME TYPE`: a number; TYPE is one of u8 i8 u16 i16 u32 i32 u64 i64 f32 f64
 - `NAME TYPE x4`: four numbers
 - `NAME TYPE *0.001 +20`: the value is 0.001 times the number on the wire, plus 20; either may be left out
-- `crc NAME`: one of `CHECKSUMS`
+- `crc NAME`: one of `CHECKSUMS`, least significant byte first; `crc NAME big`: most significant byte first
 """
 
 import re
@@ -44,7 +44,7 @@ class Layout:
         Args:
           name: of the frame.
           fields: texts as above, in the order of the bytes.
-          endian: "little" or "big", of its numbers; checksums are little.
+          endian: "little" or "big", of its numbers; not of its checksums.
 
         Raises:
           InputError: if a text is no field, or the frame begins with no constant.
@@ -131,11 +131,12 @@ class Layout:
             self._constants.append((self.length, constant))
             return len(constant)
         if kind == "crc":
-            if rest not in CHECKSUMS:
-                remedy = meant(rest, CHECKSUMS, f"they are {', '.join(CHECKSUMS)}")
+            check = rest.removesuffix(" big")
+            if check not in CHECKSUMS:
+                remedy = meant(check, CHECKSUMS, f"they are {', '.join(CHECKSUMS)}")
                 raise InputError(f"there is no such checksum; {remedy}")
             self._checksums.append((self.length, rest))
-            return CHECKSUMS[rest].size
+            return CHECKSUMS[check].size
         match = _FIELD.fullmatch(text)
         if match is None:
             raise InputError(f"expected {_FORMS}; correct it")

@@ -1,5 +1,6 @@
 """The two directions of a wire: frames as reports of the robot, and commands as frames, by tables of a TOML file."""
 
+import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol, TypeAlias
@@ -20,9 +21,12 @@ from archerfish.wires.stream import WireFrame
 _WIRES = Path(__file__).parent
 _REMEDY = "correct it; a frame may have fields, endian, switch_on, sent.idle, sent.control and sent.fire"
 _ANGLES = ("pitch", "yaw", "pitch_rate", "yaw_rate")
+_COMMANDED = _ANGLES[:2]
 _ENCODER = "yaw_encoder"
+_NEAR = 0.75  # of difflib: "pich" is near to "pitch", and "switch" is not
 _LARGEST = 1e3  # no angle [rad] and no rate [rad/s] of a gimbal is beyond it
 _Numbers: TypeAlias = dict[str, Number]
+_State: TypeAlias = Literal["idle", "control", "fire"]
 
 
 class FrameTable(Struct, frozen=True, kw_only=True):
@@ -34,7 +38,7 @@ class FrameTable(Struct, frozen=True, kw_only=True):
     """Of the numbers."""
     switch_on: _Numbers = field(default_factory=dict)
     """Numbers of a received frame by which the operator lets the computer aim."""
-    sent: dict[Literal["idle", "control", "fire"], _Numbers] = field(default_factory=dict)
+    sent: dict[_State, _Numbers] = field(default_factory=dict)
     """Numbers with which the computer sends the frame: while the gimbal is not to follow (idle), with a command that
     does not fire (control), and with one that fires; a frame without any is received."""
 
@@ -124,22 +128,24 @@ class TableWire:
         Raises:
           InputError: saying what is missing.
         """
-        states = {state for table in self.tables.values() for state in table.sent}
-        fires = any(
-            "fire" in table.sent and table.sent["fire"] != table.sent.get("control") for table in self.tables.values()
+        idle, control, fire = (self._sent_in(state) for state in ("idle", "control", "fire"))
+        controlling, firing = ([self.layouts[frame] for frame in frames] for frames in (control, fire))
+        fires = any(control.get(frame) != numbers for frame, numbers in fire.items())
+        elsewhere = ", ".join(name for name, table in self.tables.items() if table.switch_on and name != self.report)
+        problems = (
+            _lacking(self.received, _ANGLES, "frame", "a report; join its file"),
+            elsewhere and f"switch_on is in {elsewhere}, expected it in {self.report}, whose age is watched; move it",
+            "no frame has sent.control, expected a command; join its file" * (not control),
+            "no sent.fire differs from its sent.control, so no shot could be fired; write it" * (not fires),
+            "no frame has sent.idle, so the gimbal could not be let go; write it" * (not idle),
+            "sent.idle is the same as another state, so the gimbal could not be let go; change one"
+            * (idle in (control, fire)),
+            _lacking(controlling, _COMMANDED, "frame with sent.control", "a command; add both to one frame"),
+            _lacking(firing, _COMMANDED, "frame with sent.fire", "the angles, too; add sent.fire to their frame"),
         )
-        with_switch = [frame for frame, table in self.tables.items() if table.switch_on]
-        elsewhere = ", ".join(frame for frame in with_switch if frame != self.report)
-        faults = {
-            f"no frame has {', '.join(_ANGLES)}, expected a report; join its file": not self.report,
-            f"switch_on is in {elsewhere}, expected it in {self.report}, whose age is watched; move it": elsewhere,
-            "no frame has sent.control, expected a command; join its file": "control" not in states,
-            "no sent.fire differs from its sent.control, so no shot could be fired; write it": not fires,
-            "no frame has sent.idle, so the gimbal could not be let go; write it": "idle" not in states,
-        }
-        for fault_text, is_there in faults.items():
-            if is_there:
-                raise InputError(f"wire {self.name}: {fault_text}")
+        for problem in problems:
+            if problem:
+                raise InputError(f"wire {self.name}: {problem}")
 
     def decode(self, frames: Sequence[WireFrame]) -> WireReports:
         """Return the reports in some frames; see `Wire.decode`."""
@@ -169,14 +175,17 @@ class TableWire:
 
     def encode(self, command: WireCommand) -> bytes:
         """Return the frames of a command; see `Wire.encode`."""
-        state: Literal["idle", "control", "fire"] = "idle"
+        state: _State = "idle"
         if command.control:
             state = "fire" if command.fire else "control"
         pitch, yaw = command.angle.tolist() if command.control else (0.0, 0.0)
         usual = {"pitch": pitch, "yaw": yaw, "sequence": self._sent % 256}
         self._sent += 1
-        sent = {frame: table.sent[state] for frame, table in self.tables.items() if state in table.sent}
-        return b"".join(self._encode(frame, usual | numbers) for frame, numbers in sent.items())
+        return b"".join(self._encode(frame, usual | numbers) for frame, numbers in self._sent_in(state).items())
+
+    def _sent_in(self, state: _State) -> dict[str, _Numbers]:
+        """Return the frames that are sent in a state, with their numbers."""
+        return {frame: table.sent[state] for frame, table in self.tables.items() if state in table.sent}
 
     def _encode(self, frame: str, values: _Numbers) -> bytes:
         """Encode numbers, of which a frame may lack the usual ones."""
@@ -201,13 +210,27 @@ def load_wire(*wires: str | Path | Wire) -> Wire:
     if not isinstance(first, str | Path) or names_code(str(first)):
         return _own_wire(first, others)
     tables, names = dict[str, FrameTable](), list[str]()
-    for wire in wires:
-        path, own = _read_tables(wire)
+    for path, own in map(_read_tables, wires):
         if twice := own.keys() & tables.keys():
             raise file_error(path, f"frame {min(twice)} is in another file, too", "rename it in one of them")
         tables |= own
         names.append(path.stem)
     return TableWire("+".join(names), tables)
+
+
+def check_shapes(reports: WireReports) -> None:
+    """Refuse reports of a wire of one's own whose arrays have other shapes than `WireReports` says.
+
+    Raises:
+      InputError: naming the array.
+    """
+    feedback, *others = reports
+    size = np.size(feedback.sampled_s)
+    for name, array in zip((*Feedback._fields, *WireReports._fields[1:]), (*feedback, *others), strict=True):
+        shape = (size, 2) if name in ("angle", "rate") else (size,)
+        got = getattr(array, "shape", type(array).__name__)
+        if got != shape and not (name == "switch_on" and array is None):
+            raise InputError(f"decode: {name}: expected an array of shape {shape} for {size} reports, got {got}")
 
 
 def in_range(feedback: Feedback) -> NDArray[np.bool_]:
@@ -227,7 +250,32 @@ def _own_wire(wire: str | Path | Wire, others: Sequence[object]) -> Wire:
         if others:
             raise InputError(f"a wire in Python has all frames of the robot, got {others[0]}, too; leave that out")
         own: Wire = value
+        # The computer counts what it can't decode and goes on: what is wrong for every frame is refused here.
+        check_shapes(own.decode([WireFrame(layout, layout.encode({})) for layout in own.received]))
         return own
+
+
+def _lacking(layouts: Sequence[Layout], expected: Sequence[str], frames: str, what: str) -> str:
+    """Return what is missing where no frame has all of some numbers; nothing where one has.
+
+    Args:
+      layouts: of the frames.
+      expected: names of the numbers.
+      frames: which frames those are.
+      what: is expected of one, with what to do where none has any of the numbers.
+    """
+    lacks = {layout: [name for name in expected if name not in layout.names] for layout in layouts}
+    nearest = min(layouts, key=lambda layout: len(lacks[layout]), default=None)
+    if nearest is None or len(lacks[nearest]) == len(expected):
+        return f"no {frames} has {', '.join(expected)}, expected {what}"
+    missing = lacks[nearest]
+    if not missing:
+        return ""
+    others, remedies = [name for name in nearest.names if name not in expected], list[str]()
+    for name in missing:
+        if near := difflib.get_close_matches(name, others, 1, _NEAR):
+            remedies.append(f"for {near[0]} perhaps you meant {name}")
+    return f"frame {nearest.name} has no {', '.join(missing)}; {', '.join(remedies) or 'add what is missing'}"
 
 
 def _read_tables(wire: object) -> tuple[Path, dict[str, FrameTable]]:
@@ -244,7 +292,7 @@ def _read_tables(wire: object) -> tuple[Path, dict[str, FrameTable]]:
         try:
             tables[frame] = msgspec.convert(content, FrameTable)
         except msgspec.ValidationError as error:
-            raise file_error(path, fault(error, content, frame), _REMEDY) from error
+            raise file_error(path, fault(error, content, frame, FrameTable), _REMEDY) from error
     try:
         TableWire(path.stem, tables)
     except InputError as error:
