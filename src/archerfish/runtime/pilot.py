@@ -30,7 +30,7 @@ from archerfish.tracking.detections import GUESS_DISTANCE_M
 from archerfish.tracking.host import Host, SeenPlate, new_host, with_messages
 from archerfish.wires import Stream, Wire
 from archerfish.wires.stream import WireFrame
-from archerfish.wires.wire import TableWire, WireCommand, WireReports, in_range
+from archerfish.wires.wire import TableWire, WireCommand, WireReports, check_shapes, in_range
 
 _UNLIMITED = 1e6  # shots, without a referee
 _MOST = 512  # messages between decisions; of more, the oldest are lost
@@ -132,6 +132,7 @@ class Pilot:
             return
         try:
             reports = self._wire.decode(new)
+            check_shapes(reports)
         except Exception as error:  # whatever a team's own wire raises
             self.counts["frames that the wire can't decode"] += len(new)
             self._wire_error = error_text(error)
