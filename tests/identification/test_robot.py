@@ -46,7 +46,7 @@ def test_a_folder_of_logs_becomes_a_robot_like_that_of_version_0_1(robot_folder)
 
 LIMITS = "[limits]\npitch_deg=[9,-9]\nyaw_deg=[-9,9]\nmax_rate_deg_s=9\nmax_acceleration_deg_s2=9"
 FAULTS = {
-    "[yaw]\nfits=[]": r"logs.toml: field yaw: .* field fits; perhaps you meant fit; correct it; .* may have fit, validate, .*\[limits\]",
+    "[yaw]\nfits=[]": r"logs.toml: field yaw: .* field fits; perhaps you meant fit; .* may have fit, val.*\[limits\]",
     LIMITS: r"logs.toml: \[limits\]: expected the lowest angle before the highest, got 9, -9",
     "[yaw": "logs.toml: is not TOML",
     '[yaw]\nfit=["a.csv"]\nvalidate=["a.csv"]': r"logs.toml: \[yaw\] has a.csv both .* and held back, .*; take it",

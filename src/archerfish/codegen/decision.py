@@ -101,7 +101,7 @@ class Gated:
         if xp is not np or np.any(begins):
             before = _one_of(begins, self.controller.reset(seen), before)
         inner, asked = self.controller.step(before, seen)
-        if xp is np:  # of any type
+        if xp is np:  # a user's angle and fire may be lists or scalars
             angle = np.broadcast_to(np.asarray(asked.angle, np.float32), command.shape)
             asked = asked._replace(angle=angle, fire=np.reshape(np.asarray(asked.fire, bool), zero.shape))
         numbers = [asked.angle, *(leaf for leaf in leaves(inner) if hasattr(leaf, "shape"))]

@@ -98,6 +98,7 @@ class Timing:
     withdrawn: int = 0  # frames that were not written before the next decision
     stalls: int = 0  # times when what had arrived was discarded
     lost: int = 0  # times when the port went away
+    let_go: int = 0  # times when no decision ended for more than 0.1 s
     is_realtime: bool = False  # whether the system gave priority and locked the memory
 
     def table(self) -> Table:
@@ -254,11 +255,16 @@ class RobotLoop:
 
     def _write(self) -> None:
         prefer(_WRITING)
+        is_let_go = True  # before the first command
         while self._is_running or self._unsent:
             is_there = self._frame_is_there.acquire(timeout=LOST_S + self._period)
+            if not is_there and is_let_go:
+                continue
+            # A decision that does not end leaves no frame: the gimbal is let go, once.
+            is_let_go = not is_there
+            self.timing.let_go += is_let_go
             port = self._port
             with contextlib.suppress(Exception):  # the reader sees that the port has gone
-                # A decision that does not end leaves no frame: the gimbal is let go.
                 frame = self._unsent.popleft() if is_there else self._pilot.last_frame()
                 if port is not None and not self._is_new_port:
                     port.write(frame)

@@ -3,9 +3,9 @@
 What runs on the robot runs the same in virtual time, where every fault can be repeated.
 """
 
-import contextlib
 from collections import Counter, deque
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from archerfish.safety.plausibility import (
     resting_prediction,
     thresholds,
 )
+from archerfish.safety.rules import LOST_S
 from archerfish.task import Task
 from archerfish.tracking.clock_offset import ClockOffset
 from archerfish.tracking.detections import GUESS_DISTANCE_M
@@ -37,8 +38,17 @@ _MOST = 512  # messages between decisions; of more, the oldest are lost
 _LONGEST_DATAGRAM = 4096  # bytes
 _NEAREST_M = 0.1  # a plate that is nearer is none
 _JUMP_RAD, _FASTEST = 0.3, 30.0  # between reports a gimbal moves at most by [rad], and so much a second [rad/s]
-_JUMPS = 3  # reports in a row that move by more and are left out
+_JUMPING_S = 0.02  # for so long reports that move by more are left out
+_ON_THEIR_WAY_S = 0.1  # a shot since then is not yet in a report of heat
 _MOST_PREDICTED = 50  # periods without a decision that the prediction goes on through
+
+
+class _Before(NamedTuple):
+    """What a decision changed, for the case that its command is not sent."""
+
+    gate: GateState
+    sent_s: float  # when a command was sent last
+    is_controlled: bool  # whether that before was a command, or let the gimbal go
 
 
 class Pilot:
@@ -78,7 +88,7 @@ class Pilot:
         """Whether the operator lets the computer aim; a wire that reports a switch sets it."""
         self.verdict: GateVerdict | None = None
         """The last one of the gate."""
-        self._wire_error = ""
+        self._decode_error, self._encode_error = "", ""
         self.muzzle_speed = np.nan
         """Measured last [m/s]."""
         self.decider = decider
@@ -99,16 +109,17 @@ class Pilot:
         self._last_bytes, self._received = dict[str, bytes](), 0
         self._reports = deque[tuple[float, Numbers, Numbers]](maxlen=_MOST)
         self._frames = deque[tuple[float, Numbers]](maxlen=_MOST)
-        self._shots_left = 0.0 if getattr(self._wire, "has_heat", False) else _UNLIMITED
-        self._reported_shots_left = np.nan
+        self._allowed = 0.0 if getattr(self._wire, "has_heat", False) else _UNLIMITED  # shots, when heat was reported
         self._plate_in_world: SeenPlate | None = None
         self._host: Host | None = None
         self.decider.reset()
         self._decided_s = -np.inf
-        self._before: GateState | None = None  # the last decision, until that is taken back
-        self._shots_taken, self._is_controlled = 0.0, False  # by the last decision
+        self.verdict = None
+        self._before: _Before | None = None  # the last decision, until that is taken back
+        self._sent_s, self._is_controlled = -np.inf, False  # when a command was sent last, and whether the last one was
+        self._fired_s = list[float]()  # since the latest report of heat
         self._last_report: tuple[float, Numbers] | None = None
-        self._jumps = 0  # reports in a row that were left out as jumps
+        self._jump_s = np.inf  # when the first of the latest reports was left out as a jump
         self._prediction: Prediction | None = None
         self._raw_yaw = 0.0
         self._raw_base_yaw = np.nan
@@ -128,16 +139,8 @@ class Pilot:
         self.counts["frames"] += len(new)
         self.counts["repeated frames"] += len(frames) - len(new)
         self.counts["rejected heads"] = self._stream.rejected
-        if not new:
-            return
-        try:
-            reports = self._wire.decode(new)
-            check_shapes(reports)
-        except Exception as error:  # whatever a team's own wire raises
-            self.counts["frames that the wire can't decode"] += len(new)
-            self._wire_error = error_text(error)
-            return
-        self._take_reports(now, reports)
+        if new:
+            self._take_frames(now, new)
 
     def on_datagram(self, now: float, data: bytes) -> None:
         """Take detections, lines of JSON as `CameraFrame` describes them.
@@ -163,18 +166,21 @@ class Pilot:
         if host is None:
             return b""
         self.counts["decisions"] += 1
-        before, elapsed = self.decider.gate, self._elapsed(now)
+        before, elapsed = self._gate_now(now, host), self._elapsed(now)
         self.verdict, _ = self.decider.decide(self._given(now, elapsed, host, before))
-        self._decided_s, self._before, self._shots_taken = now, before, float(self.verdict.fire)
-        self._shots_left -= self._shots_taken
+        self._before = _Before(before, self._sent_s, self._is_controlled)
+        self._decided_s, is_fired = now, bool(self.verdict.fire)
+        self._fired_s += [now] * (is_fired and self._allowed < _UNLIMITED)
         self._is_controlled = self.switch and int(self.verdict.mode) != Mode.DISARMED
-        frame = self._encoded(self.verdict.angle, self._is_controlled, bool(self.verdict.fire))
+        self._sent_s = now if self._is_controlled else self._sent_s
+        frame = self._encoded(self.verdict.angle, self._is_controlled, is_fired)
         reason = Reason(int(self.verdict.reason))
         if frame is not None:
             self.counts[f"not fired: {reason.text}" if reason else "fired"] += 1
             return frame
         self.counts["commands that the wire can't carry"] += 1
         self.withdraw()
+        self._is_controlled = False
         return self._encoded(self.verdict.angle, False, False) or b""
 
     def withdraw(self) -> None:
@@ -182,15 +188,18 @@ class Pilot:
 
         Mode and timers go on. The controller keeps what it has seen, and the prediction what was in force.
         """
-        if self._before is None:
+        if self._before is None or self.verdict is None:
             return
-        after = self.decider.gate
-        kept = after._replace(command=self._before.command, rate=np.zeros_like(after.rate))
-        if self._shots_taken:
-            kept = kept._replace(since_shot=self._before.since_shot + np.float32(self._period))
+        before, after = self._before.gate, self.decider.gate
+        kept = after._replace(command=before.command, rate=np.zeros_like(after.rate))
+        if self.verdict.fire:
+            kept = kept._replace(since_shot=before.since_shot + np.float32(self._period))
+            self._fired_s = [fired for fired in self._fired_s if fired != self._decided_s]
+            self.counts["fired"] -= 1
+            self.counts["not fired: not sent"] += 1
         self.decider.gate = kept
-        self._shots_left += self._shots_taken
-        self._before, self._is_controlled = None, False
+        self._sent_s, self._is_controlled = self._before.sent_s, self._before.is_controlled
+        self._before = None
 
     def last_frame(self) -> bytes:
         """Return bytes that end the fire and let the gimbal go; nothing before the first report. It never fails."""
@@ -204,9 +213,11 @@ class Pilot:
     @property
     def state_text(self) -> str:
         """What the gate does, and why it is not armed."""
-        raised = f"; the wire raised {self._wire_error}" if self._wire_error else ""
+        wire_error = self._decode_error or self._encode_error
+        raised = f"; the wire raised {wire_error}" if wire_error else ""
         if self.verdict is None:
-            received = f" ({self._received} bytes came, and no frame of the wire among them)" if self._received else ""
+            among = "frames, but no report that can be used" if self._last_bytes else "no frame of the wire"
+            received = f" ({self._received} bytes came, among them {among})" if self._received else ""
             return f"waiting for the first report{received}{raised}"
         mode, cause = Mode(int(self.verdict.mode)), Reason(int(self.verdict.cause))
         state = f"{mode.name.lower()}: {cause.text}" if cause else mode.name.lower()
@@ -215,7 +226,18 @@ class Pilot:
         state += raised
         why = self.decider.why_fallback if isinstance(self.decider, WithFallback) else ""
         state += f"; the fallback decides: {why}" if why else ""
-        return f"{state}; the controller raised {self.decider.error}" if self.decider.error else state
+        return f"{state}; raised: {self.decider.error}" if self.decider.error else state
+
+    def _gate_now(self, now: float, host: Host) -> GateState:
+        """Return the gate's state; where commands have not been sent for long, a fault that begins at the gimbal."""
+        gate = self.decider.gate
+        if gate.mode != Mode.DISARMED and now - self._sent_s > LOST_S:
+            angle = np.float32(host.reports.angle[0, -1])
+            cause = gate.cause if gate.mode == Mode.FAULT else np.float32(Reason.DECISION_LATE)
+            fault = np.float32(Mode.FAULT)
+            gate = gate._replace(mode=fault, cause=cause, command=angle, rate=np.zeros_like(gate.rate))
+            self.decider.gate = gate
+        return gate
 
     def _elapsed(self, now: float) -> float:
         """Return the time since the last decision, a period before the first one [s]."""
@@ -230,8 +252,8 @@ class Pilot:
             "gimbal_age": age,
             "frame_age": now - plate.exposed_s[0] if is_new else 0.0,
             "muzzle_speed": self._expected_speed,
-            "base_yaw": self._base_yaw(reports.angle[0, -1, 1]),
-            "shots_left": self._shots_left,
+            "base_yaw": self._base_yaw(reports.angle[0, -1, 1], gate),
+            "shots_left": self._allowed - len(self._fired_s),
             "angle": reports.angle[0, -1],
             "rate": reports.rate[0],
             "plate": plate.position[0] if is_new else np.zeros(3),
@@ -251,17 +273,18 @@ class Pilot:
         )
         return np.asarray(plausible)
 
-    def _base_yaw(self, yaw: float) -> float:
-        """Return the yaw of the chassis, so that the encoder's is less than half a turn from the middle of its range.
+    def _base_yaw(self, yaw: float, gate: GateState) -> float:
+        """Return the yaw of the chassis, 0 where the yaw has no range, or the wire has a yaw from the chassis alone.
 
-        It is 0 where the yaw has no range, or the wire has a yaw from the chassis alone.
+        While disarmed, the encoder's is less than half a turn from the middle of its range; then it goes on from there.
 
         Args:
           yaw: of the gimbal, without jumps of a turn [rad].
+          gate: its state.
         """
         if not self._needs_base:
             return 0.0
-        near = yaw - self._middle_yaw
+        near = yaw - self._middle_yaw if gate.mode == Mode.DISARMED else float(gate.base_yaw)
         return float(near + (self._raw_base_yaw - near + np.pi) % (2.0 * np.pi) - np.pi)
 
     def _encoded(self, angle: Numbers, control: bool, fire: bool) -> bytes | None:
@@ -273,8 +296,13 @@ class Pilot:
         turns = np.rint((yaw - self._raw_yaw) / (2.0 * np.pi))
         for more in (0.0, 1.0, -1.0):
             on_wire = np.asarray(angle, np.float64) - [0.0, 2.0 * np.pi * (turns + more)]
-            with contextlib.suppress(Exception):  # whatever a team's own wire raises
-                return self._wire.encode(WireCommand(on_wire, control, fire))
+            try:
+                frame = self._wire.encode(WireCommand(on_wire, control, fire))
+            except Exception as error:
+                self._encode_error = error_text(error)  # whatever a team's own wire raises
+            else:
+                self._encode_error = ""
+                return frame
         return None
 
     def _is_new(self, frame: WireFrame) -> bool:
@@ -282,6 +310,21 @@ class Pilot:
         last = self._last_bytes.get(frame.layout.name)
         self._last_bytes[frame.layout.name] = frame.data
         return frame.data != last
+
+    def _take_frames(self, now: float, frames: Sequence[WireFrame]) -> None:
+        """Decode frames; where a team's own wire raises, one by one, so that a bad one costs no other."""
+        try:
+            reports = self._wire.decode(frames)
+            check_shapes(reports)
+            self._take_reports(now, reports)
+            self._decode_error = ""
+        except Exception as error:
+            if len(frames) > 1:
+                for frame in frames:
+                    self._take_frames(now, [frame])
+                return
+            self.counts["frames that the wire can't decode"] += 1
+            self._decode_error = error_text(error)
 
     def _take_reports(self, now: float, reports: WireReports) -> None:
         """Keep the reports that a gimbal may give, with their times on the computer's clock."""
@@ -293,29 +336,27 @@ class Pilot:
         for place in np.flatnonzero(usable):
             angle, stamp = feedback.angle[place], feedback.sampled_s[place]
             sampled = now - self._feedback_latency if np.isnan(stamp) else self._robot_clock.own_time(stamp, now)
-            if not np.isfinite(sampled) or self._is_jump(sampled, angle):
+            if not np.isfinite(sampled) or self._is_jump(now, sampled, angle):
                 continue
             self._reports.append((sampled, angle, feedback.rate[place]))
             self._raw_yaw, self._raw_base_yaw = float(angle[1]), float(reports.base_yaw[place])
             self.muzzle_speed = float(reports.muzzle_speed[place])
-            shots_left = float(reports.shots_left[place])
-            # The latest heat stands in each report: only another one is news, and shots of since count.
-            if np.isfinite(shots_left) and shots_left != self._reported_shots_left:
-                self._shots_left = self._reported_shots_left = shots_left
-                self._shots_taken = 0.0
+            if np.isfinite(reports.shots_left[place]):
+                self._allowed = float(reports.shots_left[place])
+                self._fired_s = [fired for fired in self._fired_s if now - fired <= _ON_THEIR_WAY_S]
 
-    def _is_jump(self, sampled: float, angle: Numbers) -> bool:
-        """Return whether a report is further from the last one than a gimbal turns; after several one is taken."""
+    def _is_jump(self, now: float, sampled: float, angle: Numbers) -> bool:
+        """Return whether a report is further from the last one than a gimbal turns; after some time it is taken."""
         before, self._last_report = self._last_report, (sampled, angle)
         if before is None:
             return False
         moved = np.abs(angle - before[1])
         moved[1] = min(moved[1], abs(moved[1] - 2.0 * np.pi))  # a yaw that wraps
-        if np.all(moved <= _JUMP_RAD + _FASTEST * max(0.0, sampled - before[0])) or self._jumps >= _JUMPS:
-            self._jumps = 0
+        is_near = np.all(moved <= _JUMP_RAD + _FASTEST * max(0.0, sampled - before[0]))
+        if is_near or now - self._jump_s > _JUMPING_S:
+            self._jump_s = np.inf
             return False
-        self._jumps += 1
-        self._last_report = before
+        self._jump_s, self._last_report = min(self._jump_s, now), before
         self.counts["reports that jump"] += 1
         return True
 

@@ -32,7 +32,7 @@ class Mode(IntEnum):
     ARMED = 1
     """The controller's commands are sent, within the limits."""
     HOLD = 2
-    """The input is bad: the command brakes and stands until it is good again."""
+    """The input is bad: the command brakes and stands until it has been good for more than 50 ms."""
     FAULT = 3
     """As hold, until the operator's switch is off and the input has been good for a while."""
 
@@ -193,9 +193,10 @@ def gate(rules: Rules, state: GateState, given: GateInput) -> tuple[GateState, G
     # Timers. A clock that stands, runs back or is not finite counts as long.
     elapsed = xp.where(valid(given.elapsed) & (given.elapsed > 0.0), given.elapsed, rules.lost)
     good_for = xp.where(good, xp.minimum(state.good_for + elapsed, _LONGEST_S), zero)
-    # A single report may be an old one that the line had kept back: where it has no time stamps, it looks fresh.
-    recovered = good & ((state.mode == Mode.ARMED) | (cause != Reason.FEEDBACK_OLD) | (good_for > rules.stale))
-    bad_for = xp.where(recovered, zero, xp.minimum(state.bad_for + elapsed, _LONGEST_S))
+    # After bad input a single good one is not enough: a line without time stamps may have kept an old report back.
+    recovered = good & ((state.mode == Mode.ARMED) | (good_for > rules.stale))
+    still_bad_for = xp.where(good, state.bad_for, xp.minimum(state.bad_for + elapsed, _LONGEST_S))
+    bad_for = xp.where(recovered, zero, still_bad_for)
     since_shot = xp.minimum(state.since_shot + elapsed, _LONGEST_S)
     is_steady = good_for >= rules.steady - _TIMER_MARGIN_S
     is_lost = (bad_for >= rules.lost - _TIMER_MARGIN_S) | ~(xp.abs(given.feedback_age) <= rules.lost)

@@ -61,6 +61,8 @@ class Deployment(Reported):
             doubts.append(f"A decision in NumPy takes many times as long as in C; {remedy}.")
         if self.timing.lost:
             doubts.append(f"{self.port} went away {self.timing.lost} times.")
+        if self.timing.let_go:
+            doubts.append(f"No decision ended for more than 0.1 s, {self.timing.let_go} times: the gimbal was let go.")
         if self.timing.stalls:
             doubts.append(f"The computer stood still {self.timing.stalls} times for more than 50 ms.")
         if self.fault:

@@ -132,7 +132,8 @@ class Rehearsal(Record, frozen=True, kw_only=True):
         """What was counted, in words."""
         rate, fired = self.rate, sum(self.fired)
         percent, interval = entry_texts(self.pellet_rate)
-        uncertain = f"95 %: {interval}" if interval else "too few for an interval, which 500 pellets have"
+        fewest = _FEWEST * self._decisions_per_second
+        uncertain = f"95 %: {interval}" if interval else f"too few for an interval, which {fewest} pellets have"
         kept = sum(self.violations.values()) == 0
         robot = "the robot of its records" if self.virtual == IDENTIFIED else f"the virtual robot {self.virtual}"
         figures: list[tuple[str, Callable[[], Figure]]] = [("Pellets and hits", partial(_seconds, self))]

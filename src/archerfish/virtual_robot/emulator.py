@@ -220,7 +220,7 @@ class Emulator:
             if time >= self._referee_s:
                 self._referee_s = time + _REFEREE_S
                 for layout in self._of_referee:
-                    yield Delivery(time, False, layout.encode({"shots_left": self._shots_left(time)}), -math.inf)
+                    yield Delivery(time, False, layout.encode(self._heat_report(time, layout)), -math.inf)
         for place in np.flatnonzero(~np.isnan(detections.received_s[0])):
             time = float(detections.received_s[0, place])
             stamp = float(detections.exposed_s[0, place]) + _CAMERA_CLOCK_S
@@ -230,6 +230,10 @@ class Emulator:
             plates = [[math.nan, 0.0, 0.0]] if self._has("nan-detections", time) else plates
             if not self._has("blind", time):
                 yield Delivery(time, True, json.dumps({"stamp": stamp, "plates": plates}).encode())
+
+    def _heat_report(self, time: float, layout: Layout) -> dict[str, float]:
+        values = {"shots_left": self._shots_left(time), "sequence": float(round(time / _REFEREE_S) % 256)}
+        return {field: value for field, value in values.items() if field in layout.names}
 
     def _shots_left(self, time: float) -> float:
         """Return the shots that the heat limit allows, and let the barrel cool."""

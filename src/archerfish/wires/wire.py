@@ -49,7 +49,7 @@ class WireReports(NamedTuple):
     feedback: Feedback  # of the gimbal, (N,); times are NaN where a wire has no stamps
     switch_on: NDArray[np.bool_] | None  # whether the operator lets the computer aim, (N,); None: no frame has it
     muzzle_speed: Numbers  # measured last [m/s], (N,); NaN where there is none
-    shots_left: Numbers  # that heat allows, (N,); NaN where there is none
+    shots_left: Numbers  # that heat allows, (N,); NaN where that is not reported anew
     base_yaw: Numbers  # of the chassis, in [−π, π) [rad], (N,); NaN where the wire does not say it
 
 
@@ -159,6 +159,7 @@ class TableWire:
             if values.keys() >= {*_ANGLES}:
                 angles_and_rates = [values[name] for name in _ANGLES]
                 rows.append([*angles_and_rates, values.get(_ENCODER, np.nan), *self._latest.values()])
+                self._latest["shots_left"] = np.nan
                 switches.append(self._switch)
         columns = np.array(rows, float).reshape(-1, 7)
         angle, rate, encoder = columns[:, :2], columns[:, 2:4], columns[:, 4]
