@@ -26,8 +26,8 @@ class Rehearse(Writes, ForRobot):
     - --task and --command-limit give decision period and limits alone; a policy has those of its training
     - ROBOT/deploy.toml has the wire, the controller, its fallback, the camera's place and the gate; the virtual robot
       has its camera there, too, wherever its file has it
-    - prints the hit rate, from 500 pellets on at 50 decisions a second with its 95 % interval, what became of the messages, and violations of
-      the robot's limits
+    - prints the hit rate, with its 95 % interval from ten seconds' worth of pellets on, what became of the messages,
+      and violations of the robot's limits
     - writes rehearsal.json, report.html and run.json
 
     Wires:

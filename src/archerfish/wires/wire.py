@@ -49,7 +49,7 @@ class WireReports(NamedTuple):
     feedback: Feedback  # of the gimbal, (N,); times are NaN where a wire has no stamps
     switch_on: NDArray[np.bool_] | None  # whether the operator lets the computer aim, (N,); None: no frame has it
     muzzle_speed: Numbers  # measured last [m/s], (N,); NaN where there is none
-    shots_left: Numbers  # that heat allows, (N,); NaN where that is not reported anew
+    shots_left: Numbers  # that heat allows, (N,); NaN where no report of it came since
     base_yaw: Numbers  # of the chassis, in [−π, π) [rad], (N,); NaN where the wire does not say it
 
 
