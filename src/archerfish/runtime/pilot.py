@@ -39,7 +39,7 @@ _LONGEST_DATAGRAM = 4096  # bytes
 _NEAREST_M = 0.1  # a plate that is nearer is none
 _JUMP_RAD, _FASTEST = 0.3, 30.0  # between reports a gimbal moves at most by [rad], and so much a second [rad/s]
 _JUMPING_S = 0.02  # for so long reports that move by more are left out
-_ON_THEIR_WAY_S = 0.1  # a shot since then is not yet in a report of heat
+_HEAT_DELAY_S = 0.1  # a shot since then is not yet in a report of heat
 _MOST_PREDICTED = 50  # periods without a decision that the prediction goes on through
 
 
@@ -343,7 +343,7 @@ class Pilot:
             self.muzzle_speed = float(reports.muzzle_speed[place])
             if np.isfinite(reports.shots_left[place]):
                 self._allowed = float(reports.shots_left[place])
-                self._fired_s = [fired for fired in self._fired_s if now - fired <= _ON_THEIR_WAY_S]
+                self._fired_s = [fired for fired in self._fired_s if now - fired <= _HEAT_DELAY_S]
 
     def _is_jump(self, now: float, sampled: float, angle: Numbers) -> bool:
         """Return whether a report is further from the last one than a gimbal turns; after some time it is taken."""
