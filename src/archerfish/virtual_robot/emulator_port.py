@@ -56,13 +56,15 @@ class EmulatorPort:
         self.begun_s = float("inf")
         """When the first bytes of the computer came, by the robot's clock [s]."""
         self._is_open = True
-        threading.Thread(target=self._read, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._is_open = False
+        self._reader.join()  # or it would read a file that is opened with the same number
         os.close(self._robot)
         os.close(self._computer)
         self._camera.close()
