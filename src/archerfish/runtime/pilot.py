@@ -24,7 +24,7 @@ from archerfish.safety.plausibility import (
     resting_prediction,
     thresholds,
 )
-from archerfish.safety.rules import LOST_S
+from archerfish.safety.rules import LOST_S, STALE_S
 from archerfish.task import Task
 from archerfish.tracking.clock_offset import ClockOffset
 from archerfish.tracking.detections import GUESS_DISTANCE_M
@@ -171,7 +171,10 @@ class Pilot:
         self._before = _Before(before, self._sent_s, self._is_controlled)
         self._decided_s, is_fired = now, bool(self.verdict.fire)
         self._fired_s += [now] * (is_fired and self._allowed < _UNLIMITED)
-        self._is_controlled = self.switch and int(self.verdict.mode) != Mode.DISARMED
+        # After a pause without commands the gimbal is let go until a report says where it is.
+        is_known = now - self._sent_s <= LOST_S or now - host.reports.sampled_s[0, -1] <= STALE_S
+        is_commanding = self.switch and int(self.verdict.mode) != Mode.DISARMED
+        self._is_controlled = is_commanding and bool(before.mode == Mode.DISARMED or is_known)
         self._sent_s = now if self._is_controlled else self._sent_s
         frame = self._encoded(self.verdict.angle, self._is_controlled, is_fired)
         reason = Reason(int(self.verdict.reason))
