@@ -10,218 +10,19 @@ fourteen others at least +7.5. Writes results/unseen_motions.json.
 
 import argparse
 import json
-import math
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import motions
+from motions import BURSTS, LENGTHS, OTHERS
+
 import archerfish as af
-from archerfish.arrays import map_arrays, namespace
 from archerfish.controllers.registry import make_controller
-from archerfish.targets.mixture import path_about
-from archerfish.targets.motion import BEGIN_S, STEP_S, TIMES, ZERO
 
 ROOT = Path(__file__).parents[1]
-LENGTHS, CHANCES = (1.0, 3.0), 40
-
-
-class Draws:
-    """Uniform draws of a batch of targets, shape (B, CHANCES), made from four by a hash."""
-
-    def __init__(self, uniforms: Any) -> None:
-        """Take uniforms of shape (B, 4)."""
-        seeds = (np.asarray(uniforms, np.float64) * 2**24).astype(np.uint64) @ np.array(
-            [1, 2**16 + 1, 2**32 + 5, 3], np.uint64
-        )
-        mixed: Any = (seeds[..., None] + np.arange(1, CHANCES + 1, dtype=np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
-        for shift in (30, 27):
-            mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(0xBF58476D1CE4E5B9)
-        self.chance = (mixed >> np.uint64(11)) / 2.0**53
-
-    def between(self, index: int, low: float, high: float) -> Any:
-        """Return a parameter, shape (B, 1)."""
-        return low + (high - low) * self.chance[..., index, None]
-
-    def side(self, index: int) -> Any:
-        """Return -1 or 1, shape (B, 1)."""
-        return np.where(self.chance[..., index, None] < 0.5, -1.0, 1.0)
-
-    def phase(self, index: int) -> Any:
-        """Return an angle [rad], shape (B, 1)."""
-        return self.between(index, 0.0, 2.0 * math.pi)
-
-    def sideways(self) -> Any:
-        """Return a heading that is mostly across."""
-        return self.between(0, -0.5, 0.5)
-
-    def swing(self, first: int, amplitude: tuple[float, float], frequency: tuple[float, float]) -> Any:
-        """Return a sine of three draws."""
-        size, rate = self.between(first, *amplitude), self.between(first + 1, *frequency)
-        return size * np.sin(2.0 * math.pi * rate * TIMES + self.phase(first + 2))
-
-    def turns(self, periods: tuple[float, float]) -> Any:
-        """Return the share of a cycle that is gone, of draws 1 and 2."""
-        return (TIMES / self.between(1, *periods) + self.between(2, 0.0, 1.0)) % 1.0
-
-    def legs(self, first: int, dwell: tuple[float, float], count: int = 14) -> tuple[Any, Any]:
-        """Return at `TIMES` the number of the leg that is under way, and a number 0…1 of each leg's own."""
-        ends = BEGIN_S + np.cumsum(dwell[0] + (dwell[1] - dwell[0]) * self.chance[..., first : first + count], axis=-1)
-        leg = np.minimum((ends[..., None] <= TIMES).sum(axis=-2), count - 1)
-        return leg, np.take_along_axis(self.chance[..., first + count : first + 2 * count], leg, axis=-1)
-
-
-def along(heading: Any, way: Any) -> Any:
-    """Return a level way along a line; zero is across the line of sight."""
-    return np.stack([np.sin(heading) * way, np.cos(heading) * way], axis=-1)
-
-
-def driven(speed: Any) -> Any:
-    """Return the way of a speed at `TIMES`, zero at time zero."""
-    way = np.cumsum(speed, axis=-1) * STEP_S
-    return way - way[..., ZERO, None]
-
-
-def soft(speed: Any, steps: int = 6) -> Any:
-    """Smooth a speed over some steps."""
-    return np.apply_along_axis(lambda row: np.convolve(row, np.full(steps, 1.0 / steps), "same"), -1, speed)
-
-
-def dash(d: Draws) -> Any:
-    """Stand, then drive off to one side."""
-    late = np.maximum(TIMES - d.between(1, 0.1, 0.8), 0.0)
-    return along(d.sideways(), driven(d.side(2) * np.minimum(d.between(3, 6.0, 15.0) * late, d.between(4, 1.0, 2.5))))
-
-
-def dash_again(d: Draws) -> Any:
-    """Rest and drive off in turn, to sides that are drawn again."""
-    leg, own = d.legs(6, (0.2, 0.6))
-    return along(d.sideways(), driven(soft(np.where(leg % 2 == 0, 0.0, np.sign(own - 0.5) * d.between(1, 1.0, 2.5)))))
-
-
-def stagger(d: Draws) -> Any:
-    """Drive in short legs of any direction and speed."""
-    _, own = d.legs(6, (0.1, 0.4))
-    speed, heading = 1.5 * ((7.0 * own) % 1.0), 2.0 * math.pi * own
-    return np.stack([driven(soft(speed * turn(heading))) for turn in (np.sin, np.cos)], axis=-1)
-
-
-def two_swings(d: Draws) -> Any:
-    """Swing in two sines at once."""
-    return along(d.sideways(), d.swing(1, (0.1, 0.4), (0.2, 0.6)) + d.swing(4, (0.05, 0.15), (0.8, 1.6)))
-
-
-def even_speeding(d: Draws) -> Any:
-    """Drive at a speed that rises and falls evenly, to and fro."""
-    rising = 2.0 * np.abs(2.0 * d.turns((0.8, 2.0)) - 1.0) - 1.0
-    return along(d.sideways(), driven(d.between(3, 0.5, 2.0) * rising))
-
-
-def to_and_from(d: Draws) -> Any:
-    """Drive towards the gimbal and away."""
-    turn = np.sign(np.sin(2.0 * math.pi * d.turns((0.8, 2.0))))
-    return along(d.between(0, 1.3, 1.57), driven(d.between(3, 0.4, 1.5) * turn))
-
-
-def fast_line(d: Draws) -> Any:
-    """Drive past the gimbal at 2.5 m/s."""
-    return along(d.between(0, -0.2, 0.2), d.side(1) * 2.5 * TIMES)
-
-
-def jumps(d: Draws) -> Any:
-    """Go from one place to another in no time, as no robot does."""
-    return along(d.sideways(), d.between(3, 0.1, 0.3) * np.sign(np.sin(2.0 * math.pi * d.turns((0.4, 1.2)))))
-
-
-def eight(d: Draws) -> Any:
-    """Drive a figure of eight."""
-    angle, radius = 2.0 * math.pi * d.between(1, 0.3, 0.8) * TIMES + d.phase(2), d.between(3, 0.15, 0.5)
-    return np.stack([0.5 * radius * np.sin(2.0 * angle), radius * np.sin(angle)], axis=-1)
-
-
-def pushes(d: Draws) -> Any:
-    """Accelerate by one size, with a sign that is drawn again at even times, and some friction."""
-    leg = np.minimum(((TIMES - BEGIN_S) / d.between(1, 0.15, 0.4)).astype(int), 27)
-    pushed = d.between(2, 1.0, 5.0) * np.sign(np.take_along_axis(d.chance[..., 6:34], leg, axis=-1) - 0.5)
-    speed, speeds = np.zeros(d.chance.shape[:-1]), []
-    for index in range(len(TIMES)):
-        speed = speed * (1.0 - STEP_S / 0.8) + STEP_S * pushed[..., index]
-        speeds.append(speed)
-    return along(d.sideways(), driven(np.stack(speeds, axis=-1)))
-
-
-def weaving(d: Draws) -> Any:
-    """Drive straight on, swinging."""
-    line = along(d.sideways(), d.side(1) * d.between(2, 0.3, 1.5) * TIMES)
-    return line + along(d.between(3, -1.57, 1.57), d.swing(4, (0.03, 0.15), (0.6, 1.8)))
-
-
-def creeping(d: Draws) -> Any:
-    """Drive straight on, slower than any in the table."""
-    return along(d.between(0, -1.5, 1.5), d.side(1) * d.between(2, 0.05, 0.3) * TIMES)
-
-
-def to_and_fro_with_rests(d: Draws) -> Any:
-    """Drive there, rest, drive back, rest."""
-    turn = d.turns((0.9, 2.0))
-    speed = np.select([turn < 0.3, turn < 0.5, turn < 0.8], [1.0, 0.0, -1.0], 0.0)
-    return along(d.sideways(), driven(d.between(3, 0.4, 1.8) * soft(speed)))
-
-
-def chirp(d: Draws) -> Any:
-    """Swing quicker and quicker."""
-    turns = d.between(1, 0.2, 0.5) * TIMES + 0.5 * d.between(2, 0.1, 0.4) * TIMES**2
-    return along(d.sideways(), d.between(3, 0.1, 0.3) * np.sin(2.0 * math.pi * turns + d.phase(4)))
-
-
-def spinning_and_driving(d: Draws) -> Any:
-    """Show one plate of a robot that spins while it drives, always in sight."""
-    angle = d.between(1, 2.0, 6.0) * TIMES + d.phase(2)
-    circle = 0.2 * np.stack([-np.cos(angle), np.sin(angle)], axis=-1)
-    return circle + along(d.between(3, -0.5, 0.5), d.between(4, -0.8, 0.8) * TIMES)
-
-
-def wide_and_straight(d: Draws) -> Any:
-    """Follow eq (7) without curvature, three to five times as wide."""
-    width, speed = d.between(1, 0.3, 0.6), d.between(2, 0.1, 0.9)
-    turn = (TIMES * speed / (4.0 * width) + d.between(3, 0.0, 1.0)) % 1.0
-    wave = np.where(turn < 0.25, 4.0 * turn, np.where(turn < 0.75, 2.0 - 4.0 * turn, 4.0 * turn - 4.0))
-    return along(np.zeros_like(width), width * wave)
-
-
-def soft_braking(d: Draws) -> Any:
-    """Drive, and brake to a stand at some moment."""
-    braked = d.between(3, 1.0, 4.0) * np.maximum(TIMES - d.between(2, -0.2, 2.0), 0.0)
-    return along(d.sideways(), driven(d.side(4) * np.maximum(d.between(1, 0.5, 2.5) - braked, 0.0)))
-
-
-BURSTS = (dash, dash_again, stagger)
-OTHERS = (
-    two_swings, even_speeding, to_and_from, fast_line, jumps, eight, pushes, weaving, creeping,
-    to_and_fro_with_rests, chirp, spinning_and_driving, wide_and_straight, soft_braking,
-)  # fmt: skip
-
-
-def motion(way: Callable[[Draws], Any], length_s: float) -> Any:
-    """Return a motion as a user's code has it, within the speed and displacement of the drawn ones."""
-
-    def draw(place: Any, speed: Any, uniforms: Any) -> Any:  # noqa: ARG001
-        xp, traced = namespace(place, uniforms), not isinstance(uniforms, np.ndarray)
-        if traced:  # for the shapes alone: an evaluation draws in NumPy
-            place, uniforms = (np.ones(each.shape, np.float32) for each in (place, uniforms))
-        displacement = way(Draws(uniforms)).astype(np.float32)
-        path = path_about(place, displacement, np.full(len(place), length_s, np.float32))
-        return map_arrays(xp.asarray, path) if traced else path
-
-    return draw
-
-
-# As names of this file, by which a task finds them: dash_1, dash_3, …
-globals().update(
-    {f"{way.__name__}_{length:g}": motion(way, length) for way in (*BURSTS, *OTHERS) for length in LENGTHS}
-)
 
 
 def difference(robot: af.Robot, task: af.Task, ours: af.Policy, rival: Any, engagements: int, seed: int) -> list[float]:
@@ -255,7 +56,7 @@ def main() -> None:
         for ways, group in ((BURSTS, "burst"), (OTHERS, "other")):
             for way in ways:
                 for length in LENGTHS:
-                    moved = task.replace(motion=f"{__file__}:{way.__name__}_{length:g}", lengths_s=(length,))
+                    moved = task.replace(motion=f"{motions.__file__}:{way.__name__}_{length:g}", lengths_s=(length,))
                     name = f"{group}: {way.__name__.replace('_', ' ')} {length:g} s"
                     found.setdefault(name, {})[str(seed)] = shoot(moved, rival=rival)
                     print(f"{seed} {name:40} {np.mean(found[name][str(seed)]):+6.2f}", flush=True)
