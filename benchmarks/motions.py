@@ -228,7 +228,7 @@ def keys(d: Draws) -> Any:
     top, lag = d.between(1, 0.8, 2.0), d.between(2, 0.06, 0.2)
     moved = []
     for first, turn in ((4, 0.0), (22, math.pi / 2.0)):
-        leg, own = d.legs(first, (0.15, 0.7), 9)
+        _, own = d.legs(first, (0.15, 0.7), 9)
         wanted = top * (np.floor(3.0 * own) - 1.0)
         speed, speeds = wanted[..., 0], []
         for index in range(len(TIMES)):

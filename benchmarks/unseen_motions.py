@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
-import motions
-from motions import BURSTS, LENGTHS, OTHERS
-
 import archerfish as af
+import motions
 from archerfish.controllers.registry import make_controller
+from motions import BURSTS, LENGTHS, OTHERS
 
 ROOT = Path(__file__).parents[1]
 
