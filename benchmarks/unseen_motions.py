@@ -36,7 +36,7 @@ TRACKERS = ("kalman", "kalman-lq", "imm-lq")
 PLACES = [each / "shared" / "data" / "motions_unseen.py" for each in ROOT.parents]
 LATE = ("peek", "random_walk", "late_start", "shuffle")
 COLUMNS = ("less_imm", "less_best", "less_special")
-GOALS = {  # group → column → least mean, least cell
+GOALS: dict[str, dict[str, tuple[float, float | None]]] = {  # group → column → least mean, least cell
     "known": {"less_imm": (6.2, -1.0)},
     "eq (7)": {"less_special": (-1.2, None)},
     "bursts": {"less_imm": (-0.6, -3.0)},

@@ -100,6 +100,10 @@ def test_the_filter_is_that_of_any_textbook():
         density = multivariate_normal(mean[:2], spread).logpdf(place[:2]) + np.log(2.0 * np.pi)
         before = kalman_filter.predict(NOISE, tracked(TURNING[:index]), DT)
         assert_allclose(kalman_filter.log_likelihood(NOISE, before, place), density, rtol=1e-7)
+        axes = turn[index].T[::-1]  # left, outward
+        off, variance = axes @ (place[:2] - mean[:2]), np.diag(axes @ spread @ axes.T)
+        found = kalman_filter.innovation_by_axis(NOISE, before, place)
+        assert_allclose(found, (off, variance), rtol=1e-6, atol=1e-9)
         gain = covariance[:, :2] @ np.linalg.inv(spread)
         mean, covariance = mean + gain @ (place[:2] - mean[:2]), covariance - gain @ covariance[:2]
     assert_allclose(tracked(TURNING).mean, mean, rtol=1e-8, atol=1e-11)

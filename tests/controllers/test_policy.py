@@ -27,7 +27,7 @@ from archerfish.tracking.legendre_memory import constant_history, legendre_windo
 
 PAPER = Robot.paper()
 SENSING = Robot.load(Path(__file__).parents[1] / "infantry").replace(muzzle=PAPER.muzzle)  # without offsets
-TASK, SIZES = Task.load("paper"), {"paper": 6, "history": 35, "tracked": 55, "multimodel": 118}
+TASK, SIZES = Task.load("paper"), {"paper": 6, "history": 35, "tracked": 55, "multimodel": 120}
 TRACKING = ("tracked", "multimodel")
 
 

@@ -63,7 +63,7 @@ def test_gymnasium_finds_no_fault_in_it_and_it_has_the_environment_of_a_training
     env = gymnasium.make(ID, task="paper", render_mode="rgb_array")
     check_env(env.unwrapped)
     assert env.reset(seed=1)[0].shape == (35,)
-    assert gymnasium.make(ID).reset(seed=1)[0].shape == (118,)  # as `train` takes it
+    assert gymnasium.make(ID).reset(seed=1)[0].shape == (120,)  # as `train` takes it
     envs = gymnasium.make_vec(ID, num_envs=3, task="paper")
     assert isinstance(envs.unwrapped, ShootingVectorEnv)
     assert envs.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP

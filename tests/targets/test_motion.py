@@ -3,6 +3,7 @@
 Bounds on shares are five standard deviations: were seeds free, one alarm in a million would be false.
 """
 
+import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from archerfish.targets import kinds, mixture, motion, process
 from archerfish.targets.distributions import LARGEST_SPEED
 from archerfish.targets.mixture import MIXTURES
 from archerfish.targets.motion import STEP_S, ZERO
-from archerfish.targets.process import LEGS, PROCESS_UNIFORMS, random_process
+from archerfish.targets.process import AXIS_UNIFORMS, LEGS, PROCESS_UNIFORMS, random_process
 from archerfish.targets.user_motion import find_motion, user_target
 from archerfish.task import StillOrMoving, Task
 
@@ -115,14 +116,15 @@ def test_what_is_no_motion_is_refused(refused):
     refused(short, find_motion, lambda _, speed, __: One(np.zeros(3), speed))
 
 
-ACCELERATION, RATE, LEFT, DWELL, DWELL_VARIES, SPEED_VARIES, REST, KEEPS, FORM, LONG = 0, 2, 3, 4, 5, 7, 8, 9, 10, 11
+ACCELERATION, HEADING, RATE, FORM, AXES = range(5)
+LEFT, DWELL, DWELL_VARIES, SPEED, SPEED_VARIES, REST, KEEPS, LONG, OWN_DWELL = range(5, 14)  # of the first axis
 
 
 @pytest.fixture(scope="module")
 def two_legs():
     """Draw targets of which all legs last 2 s; return uniforms, displacements, and velocities of the first two legs."""
     uniforms = np.random.default_rng(8).random((4000, PROCESS_UNIFORMS))
-    uniforms[:, [LEFT, DWELL, DWELL_VARIES, LONG]] = 1.0, 1.0, 0.0, 1.0
+    uniforms[:, [AXES, LEFT, DWELL, DWELL_VARIES, LONG]] = 1.0, 1.0, 1.0, 0.0, 1.0
     uniforms[:2500, REST] = np.repeat([0.5, 1.0], [2000, 500])
     moved = np.concatenate([random_process(each, np.ones(len(each))) for each in np.split(uniforms, 10)])
     return uniforms, moved, (moved[:, [100, 200]] - moved[:, [99, 199]]) / STEP_S  # at the ends of the legs
@@ -162,9 +164,20 @@ def test_directions_change_by_the_habits(two_legs):
 
 def test_legs_last_for_the_usual_dwell_of_the_target_or_for_their_own():
     uniforms = np.random.default_rng(9).random((40, PROCESS_UNIFORMS))
-    uniforms[:, [ACCELERATION, LEFT, SPEED_VARIES, REST, KEEPS, FORM, LONG]] = 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
+    uniforms[:, [ACCELERATION, AXES, LEFT, SPEED_VARIES, REST, KEEPS, FORM, LONG]] = (
+        1.0,
+        1.0,
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    )
     uniforms[:, DWELL_VARIES] = np.repeat([0.0, 1.0], 20)
-    uniforms[:20, DWELL], uniforms[20:, 12 : 12 + LEGS] = 2 * [np.log(4.0) / np.log(20.0)]  # 0.4 s, of 0.1 to 2 s
+    uniforms[:20, DWELL], uniforms[20:, OWN_DWELL : OWN_DWELL + LEGS] = 2 * [
+        np.log(4.0) / np.log(20.0)
+    ]  # 0.4 s, of 0.1 to 2 s
     moved = random_process(uniforms, np.ones(40))
     assert_allclose(moved[:, 60:], moved[:, 20:-40], atol=1e-9)  # to and fro from 0.1 s on: every 0.8 s it is the same
     uniforms[:, LONG] = 0.2
@@ -179,6 +192,35 @@ def test_legs_longer_than_their_ramp_change_speed_at_the_targets_acceleration(tw
     assert np.all(most <= drawn * (1.0 + 1e-9))
     long = np.linalg.norm(velocity[:, 1] - velocity[:, 0], axis=-1) > 2.0 * STEP_S * drawn
     assert_allclose(most[long], drawn[long])
+
+
+def test_on_two_axes_legs_and_habits_are_independent_and_each_is_steady_as_often_as_not():
+    uniforms = np.random.default_rng(10).random((4000, PROCESS_UNIFORMS))
+    across = slice(LEFT + AXIS_UNIFORMS, LEFT + 2 * AXIS_UNIFORMS)
+    uniforms[:, [HEADING, AXES]] = 0.5, 0.0
+    moved = random_process(uniforms, np.ones(4000))
+    changed = uniforms.copy()
+    changed[:, across] = np.random.default_rng(11).random((4000, AXIS_UNIFORMS))
+    again = random_process(changed, np.ones(4000))
+    assert_allclose(again[..., 1], moved[..., 1], atol=1e-9)  # sideways nothing has changed
+    assert np.mean(np.ptp(again[..., 0] - moved[..., 0], axis=1) > 0.01) > 0.9
+    steady = np.ptp(np.diff(moved[:, 15:65], axis=1), axis=1) < 1e-6  # for a second
+    for forward, sideways in itertools.product((False, True), repeat=2):
+        share = np.mean((steady[:, 0] == forward) & (steady[:, 1] == sideways))
+        assert 0.1 < share < 0.5, (forward, sideways, share)
+
+
+def test_two_axes_are_turned_by_at_most_45_degrees_from_the_line_of_sight():
+    uniforms = np.random.default_rng(12).random((500, PROCESS_UNIFORMS))
+    uniforms[:, AXES] = 0.0
+    turned = random_process(uniforms, np.ones(500))
+    straight = uniforms.copy()
+    straight[:, HEADING] = 0.5
+    angle = np.pi / 2.0 * (uniforms[:, HEADING] - 0.5)
+    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    forward, sideways = np.moveaxis(random_process(straight, np.ones(500)), -1, 0)
+    assert_allclose(turned[..., 0], cosine * forward + sine * sideways, atol=1e-9)
+    assert_allclose(turned[..., 1], cosine * sideways - sine * forward, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", MIXTURES)

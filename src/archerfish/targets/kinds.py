@@ -123,27 +123,28 @@ def _driving(name: str, uniforms: Array, share: Array) -> tuple[Array, Array]:
     speed, heading, mean, irregularity, acceleration = draw_parameters(TABLE[name], uniforms[..., None, :])
     exponential = -xp.log(1.0 - xp.clip(uniforms[..., 7 : 7 + _LEGS], 0.0, 1.0 - 1e-6))
     lengths = mean * ((1.0 - irregularity) + irregularity * exponential)
-    distance = driven((speed * share)[..., None, :], lengths, uniforms[..., 6, None], acceleration)
-    return heading[..., 0], distance[..., 0, :]
+    velocity = speed * share
+    ramp = xp.abs(velocity[..., 1:] - velocity[..., :-1]) / acceleration
+    return heading[..., 0], driven(velocity, lengths, uniforms[..., 6, None], ramp)
 
 
-def driven(velocity: Array, lengths: Array, left: Array, acceleration: Array) -> Array:
-    """Return displacements of targets that drive legs, zero at time zero [m], shape B + (D, N) of D directions.
+def driven(velocity: Array, lengths: Array, left: Array, ramp: Array) -> Array:
+    """Return displacements in one direction of targets that drive legs, zero at time zero [m], shape B + (N,).
 
     Changes of velocity at constant acceleration add up: a leg that is shorter than they are may brake harder.
 
     Args:
-      velocity: of the legs [m/s], shape B + (D, L + 1).
+      velocity: of the legs [m/s], shape B + (L + 1,).
       lengths: of the legs but the last [s], shape B + (L,).
       left: share of the first leg that is left when the path begins, shape B + (1,).
-      acceleration: magnitude [m/s²], shape B + (1,).
+      ramp: time that each change of velocity takes [s], shape B + (L,).
     """
     xp, change = namespace(velocity), velocity[..., 1:] - velocity[..., :-1]
     moment = BEGIN_S + xp.cumulative_sum(xp.concat([left * lengths[..., :1], lengths[..., 1:]], axis=-1), axis=-1)
-    ramp = xp.maximum(xp.sqrt(xp.sum(change**2, axis=-2)) / acceleration, 1e-3)[..., None]  # no change is sudden
+    ramp = xp.maximum(ramp, 1e-3)[..., None]  # no change is sudden
     since = xp.maximum(_times(ramp) - moment[..., None], 0.0)
     ramped = xp.minimum(since, ramp)
-    gained = change[..., None] * (ramped**2 / (2.0 * ramp) + since - ramped)[..., None, :, :]
+    gained = change[..., None] * (ramped**2 / (2.0 * ramp) + since - ramped)
     first = velocity[..., :1, None] * _times(gained)
     # One sum: compiled, a loop over the legs takes ten times as long.
     distance = xp.sum(xp.concat([first, gained], axis=-2), axis=-2)

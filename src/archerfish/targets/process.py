@@ -2,8 +2,12 @@
 
 A target drives or stands, leg by leg. It has a usual dwell and a usual speed, and for each a share by which its legs
 depart from it: with 0 all are alike, with 1 they have nothing in common. How often it stands, and how often it drives
-on to the side of the leg before, are its own, too. Some drive along a line, some turn at each leg, some turn steadily;
-some drive on for long once they have set off.
+on to the side of the leg before, are its own, too; some drive on for long once they have set off.
+
+Most targets move along two axes at right angles, each with legs and habits of its own, so that one may be steady and
+the other restless. The axes are those of the line of sight, turned by up to 45°: a target that turns back along one of
+them hardly ever turns back across the line of sight as well. Of the others, with legs along one line alone, some turn
+at each leg, and some steadily.
 """
 
 from archerfish.arrays import Array, namespace
@@ -11,12 +15,19 @@ from archerfish.targets.distributions import DWELL, HABITS, LEG_SPEED, draw_para
 from archerfish.targets.kinds import driven
 
 LEGS = 28
-"""Legs that are drawn; in the last a target continues as it moves."""
-PROCESS_UNIFORMS = 12 + 4 * LEGS
-"""Uniform draws of a target: its own, then those of its legs."""
-DRIVES_ON, LONG_S = 0.25, 2.5
-"""Share of the targets whose legs are long, once they drive, and how long [s]. Without them a policy takes every target
-that sets off for one that stops or turns within half a second, and loses up to 6 points to `imm-lq` where it does not.
+"""Legs along an axis that are drawn; in the last a target continues as it moves."""
+_HABITS = 8
+AXIS_UNIFORMS = _HABITS + 3 * LEGS
+"""Uniform draws of an axis: its habits, then dwell, speed and choice of its legs."""
+PROCESS_UNIFORMS = 5 + 2 * AXIS_UNIFORMS + LEGS
+"""Uniform draws of a target: its own, those of two axes, then a turn at each leg."""
+TWO_AXES = 0.7
+"""Share of the targets that move along two axes. Without them a policy takes every target that turns back in depth for
+one that turns back sideways too, and mistrusts its sideways speed."""
+DRIVES_ON, STEADY, LONG_S = 0.25, 0.5, 2.5
+"""Share of the targets whose legs are long, once they drive, that of the axes of targets that have two, and how long
+[s]. Without them a policy takes every target that sets off for one that stops or turns within half a second, and loses
+up to 6 points to `imm-lq` where it does not.
 """
 
 
@@ -29,18 +40,49 @@ def random_process(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001 (
     """
     xp = namespace(uniforms)
     acceleration, heading, rate = draw_parameters(HABITS, uniforms[..., None, :])
-    left, dwell, dwell_varies, speed, speed_varies, rest, keeps, form = (uniforms[..., at, None] for at in range(3, 11))
-    own_dwell, own_speed, choice, turn = (uniforms[..., 12 + at * LEGS : 12 + (at + 1) * LEGS] for at in range(4))
+    form, axes = uniforms[..., 3, None], uniforms[..., 4, None]
+    two = axes < TWO_AXES
+    first, second = (uniforms[..., 5 + at * AXIS_UNIFORMS : 5 + (at + 1) * AXIS_UNIFORMS] for at in range(2))
+    speed, dwell, left = _legs(first, xp.where(two, STEADY, DRIVES_ON))
+    across, dwell_across, left_across = _legs(second, STEADY)
+    # Of those with legs along one line, 60 % keep it, 20 % turn by up to 0.6 rad at each leg, 20 % steadily.
+    turn = uniforms[..., 5 + 2 * AXIS_UNIFORMS : PROCESS_UNIFORMS]
+    bend = 0.6 * xp.cumulative_sum(2.0 * turn - 1.0, axis=-1)
+    turned = xp.where(form < 0.8, bend, rate * (xp.cumulative_sum(dwell, axis=-1) - 0.5 * dwell))
+    direction = heading + xp.where(form < 0.6, 0.0 * bend, turned)
+    velocity = xp.stack([speed * xp.sin(direction), speed * xp.cos(direction)], axis=-2)
+    velocity = xp.where(two[..., None], xp.stack([across, speed], axis=-2), velocity)
+    change = xp.abs(velocity[..., 1:] - velocity[..., :-1])
+    together = xp.sqrt(xp.sum(change**2, axis=-2, keepdims=True))
+    ramp = xp.where(two[..., None], change, together) / acceleration[..., None]
+    lengths = xp.stack([xp.where(two, dwell_across, dwell), dwell], axis=-2)
+    begun = xp.stack([xp.where(two, left_across, left), left], axis=-2)
+    moved = xp.moveaxis(driven(velocity, lengths[..., :-1], begun, ramp), -1, -2)
+    angle = xp.where(two, 0.25 * heading, 0.0 * heading)
+    forward, lateral = moved[..., 0], moved[..., 1]
+    cosine, sine = xp.cos(angle), xp.sin(angle)
+    return xp.stack([cosine * forward + sine * lateral, cosine * lateral - sine * forward], axis=-1)
+
+
+def _legs(uniforms: Array, drives_on: Array | float) -> tuple[Array, Array, Array]:
+    """Return speed [m/s], negative backwards, and dwell [s] of the legs along an axis, and what is left of the first.
+
+    Args:
+      uniforms: uniform draws, shape B + (AXIS_UNIFORMS,).
+      drives_on: share of the axes whose legs are long, once they drive, shape B + (1,) or ().
+
+    Returns:
+      Shapes B + (LEGS,) twice, and B + (1,): the share of the first leg that is left when the path begins.
+    """
+    xp = namespace(uniforms)
+    habits = (uniforms[..., at, None] for at in range(_HABITS))
+    left, dwell, dwell_varies, speed, speed_varies, rest, keeps, long = habits
+    own_dwell, own_speed, choice = (uniforms[..., _HABITS + at * LEGS :][..., :LEGS] for at in range(3))
     dwell = DWELL.draw(dwell + dwell_varies * (own_dwell - dwell))
     speed = LEG_SPEED.draw(speed + speed_varies * (own_speed - speed))
     rest = 0.9 * rest**1.57  # share of standing legs: 0.35 in the mean
-    dwell = xp.where((uniforms[..., 11, None] < DRIVES_ON) & (choice >= rest), LONG_S + 0.0 * dwell, dwell)
+    dwell = xp.where((long < drives_on) & (choice >= rest), LONG_S + 0.0 * dwell, dwell)
     # One draw is whether a leg stands and, of a leg that drives, whether it keeps the side of the one before.
     changes = xp.cumulative_sum(xp.astype(choice - rest >= keeps * (1.0 - rest), xp.int32), axis=-1)
-    velocity = xp.where(choice < rest, 0.0 * speed, xp.where(changes % 2 == 0, speed, -speed))
-    # 60 % of the targets drive along one line, 20 % turn by up to 0.6 rad at each leg, 20 % steadily.
-    bend = 0.6 * xp.cumulative_sum(2.0 * turn - 1.0, axis=-1)
-    turned = xp.where(form < 0.8, bend, rate * (xp.cumulative_sum(dwell, axis=-1) - 0.5 * dwell))
-    heading = heading + xp.where(form < 0.6, 0.0 * bend, turned)
-    velocity = xp.stack([velocity * xp.sin(heading), velocity * xp.cos(heading)], axis=-2)
-    return xp.moveaxis(driven(velocity, dwell[..., :-1], left, acceleration), -1, -2)
+    speed = xp.where(choice < rest, 0.0 * speed, xp.where(changes % 2 == 0, speed, -speed))
+    return speed, dwell, left

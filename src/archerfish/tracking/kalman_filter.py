@@ -147,28 +147,32 @@ def log_likelihood(noise: TrackerNoise, track: Track, plate: Array) -> Array:
     Returns:
       Shape B.
     """
-    distance, determinant = _innovation(noise, track, plate)
-    return -0.5 * (distance + namespace(determinant).log(determinant))
+    xp = namespace(track.mean, plate)
+    spread = track.covariance[..., :2, :2] + measurement_covariance(noise, plate)
+    inverse, determinant = inverse_and_determinant(spread)
+    innovation = plate[..., :2] - track.mean[..., :2]
+    square = xp.sum(innovation * xp.sum(inverse * innovation[..., None, :], axis=-1), axis=-1)
+    return -0.5 * (square + xp.log(determinant))
 
 
-def squared_innovation(noise: TrackerNoise, track: Track, plate: Array) -> Array:
-    """Return the squared innovation of a measurement, one on average where the filter is right, shape B.
+def innovation_by_axis(noise: TrackerNoise, track: Track, plate: Array) -> tuple[Array, Array]:
+    """Return the innovation of a measurement across and along the line of sight [m], and its variance [m²].
 
     Args:
       noise: what the filter assumes.
       track: predicted to the time of the measurement.
       plate: position [m], shape B + (3,); x and y count.
+
+    Returns:
+      Shape B + (2,) each.
     """
-    return 0.5 * _innovation(noise, track, plate)[0]
-
-
-def _innovation(noise: TrackerNoise, track: Track, plate: Array) -> tuple[Array, Array]:
-    """Return the innovation's square in standard deviations, of two coordinates, and its covariance's determinant."""
     xp = namespace(track.mean, plate)
     spread = track.covariance[..., :2, :2] + measurement_covariance(noise, plate)
-    inverse, determinant = inverse_and_determinant(spread)
-    innovation = plate[..., :2] - track.mean[..., :2]
-    return xp.sum(innovation * xp.sum(inverse * innovation[..., None, :], axis=-1), axis=-1), determinant
+    outward = _outward(plate)[0]
+    left = xp.stack([-outward[..., 1], outward[..., 0]], axis=-1)
+    axes = xp.stack([left, outward], axis=-2)
+    innovation = xp.sum(axes * (plate[..., :2] - track.mean[..., :2])[..., None, :], axis=-1)
+    return innovation, xp.sum(axes * matrix_product(axes, spread), axis=-1)
 
 
 def inverse_and_determinant(spread: Array) -> tuple[Array, Array]:
@@ -189,14 +193,19 @@ def height_noise(noise: TrackerNoise, plate: Array) -> Array:
 def measurement_covariance(noise: TrackerNoise, plate: Array) -> Array:
     """Return the covariance of x and y with the noise along and across the line of sight [m²], shape B + (2, 2)."""
     xp = namespace(plate)
-    level = plate[..., :2]
-    distance = xp.maximum(xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True)), 1e-6)  # not 0/0 straight above the pivot
-    outward = level / distance
+    outward, distance = _outward(plate)
     along = outward[..., :, None] * outward[..., None, :]
     across = lift(xp.eye(2, dtype=plate.dtype), along) - along
     square = distance[..., None] ** 2
     along_variance = noise.along**2 + noise.along_share**2 * square
     return along_variance * along + (noise.across**2 + noise.across_angle**2 * square) * across
+
+
+def _outward(plate: Array) -> tuple[Array, Array]:
+    """Return the level unit vector towards a measurement and its distance [m], shape B + (2,) and B + (1,)."""
+    xp, level = namespace(plate), plate[..., :2]
+    distance = xp.maximum(xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True)), 1e-6)  # not 0/0 straight above the pivot
+    return level / distance, distance
 
 
 def position_after(track: Track, time: Array, velocity_decay: Array = 1.0) -> Array:

@@ -25,7 +25,8 @@ class Tracks(NamedTuple):
     age: Array  # of it at the latest decision [s], B
     fast: Any  # Track
     slow: Any  # Track
-    innovation: Array  # mean of the slow filter's last squared innovations, one where it is right, B
+    innovation: Any  # mean of the slow filter's last squared innovations, across and along the line of sight, one where
+    #                  it is right, B + (2,)
     models: Any  # ModelTracks
 
 
@@ -46,7 +47,7 @@ class Trackers(NamedTuple):
             first.age,
             fast and kalman_filter.begin_track(fast, relative, shown),
             slow and kalman_filter.begin_track(slow, relative, shown),
-            None if slow is None else 1.0 + 0.0 * first.age,
+            slow and 1.0 + 0.0 * relative[..., :2],
             fast and rates and begin_models(fast, rates, relative, shown),
         )
         return _moved(tracks, first.own)
@@ -71,8 +72,9 @@ class Trackers(NamedTuple):
         if slow is not None:
             predicted = kalman_filter.predict(slow, before.slow, elapsed)
             after["slow"] = kalman_filter.update(slow, predicted, relative, fresh)
-            square = xp.minimum(kalman_filter.squared_innovation(slow, predicted, relative), LARGEST_INNOVATION)
-            innovation = xp.where(fresh, innovation + FORGETTING * (square - innovation), innovation)
+            difference, variance = kalman_filter.innovation_by_axis(slow, predicted, relative)
+            square = xp.minimum(difference**2 / variance, LARGEST_INNOVATION)
+            innovation = xp.where(fresh[..., None], innovation + FORGETTING * (square - innovation), innovation)
         if fast is not None and rates is not None:
             after["models"] = step_models(fast, rates, before.models, elapsed, relative, fresh)
         place, own = select(fresh, (seen.place, fast and seen.own), (tracks.place, tracks.own))

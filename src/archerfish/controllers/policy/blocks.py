@@ -164,14 +164,14 @@ def models(_: Observer, view: View) -> Array:
 
 
 def slow(observer: Observer, view: View) -> Array:
-    """Compare the tracker that averages for long with the fast one: estimates, its intercept, its innovations."""
+    """Compare the tracker that averages for long with the fast one: estimates, its intercept, innovations by axis."""
     xp, track, memory = namespace(view.aim), view.slow, view.memory
     off = position_after(track, memory.tracks.age)[..., :2] - position_after(view.fast, memory.tracks.age)[..., :2]
     faster = track.mean[..., 2:] - view.fast.mean[..., 2:]
     lead = _LEAD_S + 0.0 * memory.tracks.age
     point = intercept(lambda time: position_after(track, memory.tracks.age + time), lead, observer.muzzle).angle
     ahead = view.unwrapped(without_gradient(point)) - view.aim
-    left, innovation = _METRES * view.across(off), memory.tracks.innovation[..., None]
+    left, innovation = _METRES * view.across(off), memory.tracks.innovation
     speed = 5.0 * view.across(faster), 5.0 * view.away(faster), 5.0 * view.across(track.mean[..., 2:])
     others = 10.0 * ahead, 10.0 * view.distance * ahead[..., 1:], xp.log(innovation), xp.tanh(0.25 * innovation)
     return xp.concat((left, xp.tanh(2.0 * left), *speed, *others), axis=-1)
