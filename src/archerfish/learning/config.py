@@ -210,7 +210,7 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
         made = self.replace(observation=self.observation or usual)
         six = made.kind == "paper"
         made = made.replace(trainer=made.trainer or ("ppo" if six else "gradient"))
-        steps, hidden = (20_000_000, 512) if drawn else (8_000_000 if late else 4_000_000, 256)
+        steps, hidden = (22_000_000, 512) if drawn else (8_000_000 if late else 4_000_000, 256)
         if task.motion == "kinds":
             steps = 9_000_000
         gradient = made.gradient.replace(steps=made.gradient.steps or steps, hidden=made.gradient.hidden or hidden)

@@ -21,7 +21,7 @@ AXIS_UNIFORMS = _HABITS + 3 * LEGS
 """Uniform draws of an axis: its habits, then dwell, speed and choice of its legs."""
 PROCESS_UNIFORMS = 5 + 2 * AXIS_UNIFORMS + LEGS
 """Uniform draws of a target: its own, those of two axes, then a turn at each leg."""
-TWO_AXES = 0.7
+TWO_AXES = 0.6
 """Share of the targets that move along two axes. Without them a policy takes every target that turns back in depth for
 one that turns back sideways too, and mistrusts its sideways speed."""
 DRIVES_ON, STEADY, LONG_S = 0.25, 0.5, 2.5
