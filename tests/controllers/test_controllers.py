@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 from scipy.optimize import minimize
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from archerfish.arrays import leaves, map_arrays
 from archerfish.controllers.aiming.preview_program import make_preview
@@ -104,6 +104,8 @@ def test_the_filter_is_that_of_any_textbook():
         off, variance = axes @ (place[:2] - mean[:2]), np.diag(axes @ spread @ axes.T)
         found = kalman_filter.innovation_by_axis(NOISE, before, place)
         assert_allclose(found, (off, variance), rtol=1e-6, atol=1e-9)
+        density = norm(scale=variance[0] ** 0.5).logpdf(off[0]) + 0.5 * np.log(2.0 * np.pi)
+        assert_allclose(kalman_filter.log_likelihood_across(NOISE, before, place), density, rtol=1e-6)
         gain = covariance[:, :2] @ np.linalg.inv(spread)
         mean, covariance = mean + gain @ (place[:2] - mean[:2]), covariance - gain @ covariance[:2]
     assert_allclose(tracked(TURNING).mean, mean, rtol=1e-8, atol=1e-11)

@@ -6,6 +6,7 @@ detections a target may change from one to another, at rates per second, so fram
 begins a step with the mixture of all three that leads to it, and detections weight them by their likelihood.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from archerfish.arrays import Array, lift, map_arrays, namespace
@@ -55,7 +56,13 @@ def begin_models(noise: TrackerNoise, rates: ModelRates, plate: Array, shown: Ar
 
 
 def step_models(
-    noise: TrackerNoise, rates: ModelRates, tracks: ModelTracks, elapsed: Array, plate: Array, fresh: Array
+    noise: TrackerNoise,
+    rates: ModelRates,
+    tracks: ModelTracks,
+    elapsed: Array,
+    plate: Array,
+    fresh: Array,
+    likelihood: Callable[[TrackerNoise, Track, Array], Array] = kalman_filter.log_likelihood,
 ) -> ModelTracks:
     """Predict the estimates to a detection and update them.
 
@@ -66,6 +73,7 @@ def step_models(
       elapsed: since then [s], shape B.
       plate: position seen [m], shape B + (3,).
       fresh: whether it is new, shape B; if not, the estimates are only carried on.
+      likelihood: logarithm of that of the detection under a model; by default x and y count.
     """
     xp = namespace(tracks.probability, plate)
     mixed = mix_models(noise, rates, tracks, elapsed)
@@ -74,7 +82,7 @@ def step_models(
     carried = predict(driven, mixed.track, elapsed[..., None])
     place = plate[..., None, :]
     # Logarithms, for after an outlier all likelihoods may be too small for float32.
-    evidence = xp.log(xp.maximum(mixed.probability, 1e-30)) + kalman_filter.log_likelihood(noise, carried, place)
+    evidence = xp.log(xp.maximum(mixed.probability, 1e-30)) + likelihood(noise, carried, place)
     weight = xp.exp(evidence - xp.max(evidence, axis=-1, keepdims=True))
     probability = xp.where(fresh[..., None], weight / xp.sum(weight, axis=-1, keepdims=True), mixed.probability)
     return ModelTracks(kalman_filter.update(noise, carried, place, fresh[..., None]), probability)

@@ -155,6 +155,12 @@ def log_likelihood(noise: TrackerNoise, track: Track, plate: Array) -> Array:
     return -0.5 * (square + xp.log(determinant))
 
 
+def log_likelihood_across(noise: TrackerNoise, track: Track, plate: Array) -> Array:
+    """Return the log density of a measurement across the line of sight alone; otherwise as `log_likelihood`."""
+    innovation, variance = innovation_by_axis(noise, track, plate)
+    return -0.5 * (innovation[..., 0] ** 2 / variance[..., 0] + namespace(variance).log(variance[..., 0]))
+
+
 def innovation_by_axis(noise: TrackerNoise, track: Track, plate: Array) -> tuple[Array, Array]:
     """Return the innovation of a measurement across and along the line of sight [m], and its variance [m²].
 

@@ -76,7 +76,9 @@ class Trackers(NamedTuple):
             square = xp.minimum(difference**2 / variance, LARGEST_INNOVATION)
             innovation = xp.where(fresh[..., None], innovation + FORGETTING * (square - innovation), innovation)
         if fast is not None and rates is not None:
-            after["models"] = step_models(fast, rates, before.models, elapsed, relative, fresh)
+            # Depth hardly matters for the aim: a target that turns back there has not turned back sideways.
+            across = kalman_filter.log_likelihood_across
+            after["models"] = step_models(fast, rates, before.models, elapsed, relative, fresh, across)
         place, own = select(fresh, (seen.place, fast and seen.own), (tracks.place, tracks.own))
         return _moved(before._replace(**after), seen.own)._replace(place=place, own=own, age=age, innovation=innovation)
 
