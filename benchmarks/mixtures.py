@@ -22,41 +22,41 @@ import motions
 from archerfish.controllers.registry import make_controller
 from archerfish.reports.style import plot_style
 from archerfish.reports.table import Table
+from archerfish.targets import mixture, process
 from bars import finish
 
 ROOT = Path(__file__).parents[1]
 MIXTURES = ((0.0, 19.0), (0.6, 5.0), (0.6, 19.0), (0.6, 40.0), (0.6, 80.0), (1.0, 19.0))
 """Share of the process's targets that move along two axes, and weight of eq (7) beside 81 of all others."""
-DEFAULT = 0.6
+TWO_AXES = process.TWO_AXES
+"""The default share."""
 FIELDS = ("eq (7)", "eight kinds", "bursts", "others")
 
 
 def trained(job: tuple[float, float, int, int, Path]) -> dict[str, float]:
     """Train and evaluate a policy with a mixture; return its mean differences in points."""
-    from archerfish.targets import mixture, process
-
     two_axes, weight, steps, engagements, tracked = job
     process.TWO_AXES = two_axes
     mixture.MIXTURES["any"]["eq 7"] = weight
     robot, task = af.Robot.load(ROOT / "tests" / "infantry"), af.Task.load("any")
     policy = af.train(robot, task, seed=0, steps=steps)
-    rival = make_controller("imm-lq", robot, task, af.tune("imm-lq", robot, task))
+    imm = make_controller("imm-lq", robot, task, af.tune("imm-lq", robot, task))
 
     def difference(task: af.Task, other: Any) -> float:
         results = af.evaluate({"policy": policy, "other": other}, robot, task, engagements=engagements, seed=2)
         return 100.0 * float(np.mean([cell.difference for cell in results.compare("policy", "other")]))
 
-    def unseen(ways: Any) -> float:
-        named = itertools.product(ways, motions.LENGTHS)
+    def unseen(functions: Any) -> float:
+        named = itertools.product(functions, motions.LENGTHS)
         tasks = [
-            task.replace(motion=f"{motions.__file__}:{way.__name__}_{length:g}", lengths_s=(length,))
-            for way, length in named
+            task.replace(motion=f"{motions.__file__}:{function.__name__}_{length:g}", lengths_s=(length,))
+            for function, length in named
         ]
-        return float(np.mean([difference(each, rival) for each in tasks]))
+        return float(np.mean([difference(each, imm) for each in tasks]))
 
     found = (
-        difference(af.Task.load("paper"), af.Policy.load(tracked)),
-        difference(task, rival),
+        difference(af.Task.load("dynamic"), af.Policy.load(tracked)),
+        difference(task, imm),
         unseen(motions.BURSTS),
         unseen(motions.OTHERS),
     )
@@ -70,8 +70,8 @@ def draw(rows: list[dict[str, float]]) -> None:
     with plot_style():
         figure = Figure(figsize=(7.0, 3.6))
         axes = figure.add_subplot()
-        usual = sorted((row for row in rows if row["two_axes"] == DEFAULT), key=lambda row: row["weight"])
-        others = [row for row in rows if row["two_axes"] != DEFAULT]
+        usual = sorted((row for row in rows if row["two_axes"] == TWO_AXES), key=lambda row: row["weight"])
+        others = [row for row in rows if row["two_axes"] != TWO_AXES]
         for name, marker in zip(FIELDS[1:], "osD", strict=True):
             places = [row["eq (7)"] for row in usual], [row[name] for row in usual]
             (line,) = axes.plot(*places, "-", marker=marker, label=name)
@@ -79,7 +79,7 @@ def draw(rows: list[dict[str, float]]) -> None:
                 axes.plot(row["eq (7)"], row[name], marker=marker, mfc="none", color=line.get_color(), ls="")
         for row in rows:
             share, weight = row["two_axes"], row["weight"]
-            label = f"{weight:g}" if share == DEFAULT else f"{weight:g}, two axes {share:.0%}"
+            label = f"{weight:g}" if share == TWO_AXES else f"{weight:g}, two axes {share:.0%}"
             axes.annotate(label, (row["eq (7)"], row["others"]), (0, 6), textcoords="offset points", ha="center")
         axes.axhline(0.0, color="0.7", lw=0.8)
         axes.set_xlabel("eq (7), less the policy trained for it [points]")
@@ -104,13 +104,14 @@ def main() -> None:
         for row in pool.map(trained, jobs):
             rows.append(row)
             print(*(f"{name} {value:+.2f}" for name, value in row.items()), flush=True)
-    draw(rows)
+    if complete := options.engagements >= 40 and options.steps >= 3_000_000:
+        draw(rows)
     header = ("two axes", "weight of eq (7)", "eq (7) less its policy", *(f"{name} less imm-lq" for name in FIELDS[1:]))
     lines: list[tuple[Any, ...]] = [
         (f"{r['two_axes']:.0%}", r["weight"], *(f"{r[name]:+.2f}" for name in FIELDS)) for r in rows
     ]
     conditions = {"steps": options.steps, "engagements": options.engagements, "seed": 2}
-    finish("mixtures", [], [Table("Points", header, tuple(lines))], conditions, rows, options.engagements >= 40)
+    finish("mixtures", [], [Table("Points", header, tuple(lines))], conditions, rows, complete)
 
 
 if __name__ == "__main__":

@@ -194,11 +194,59 @@ OTHERS = (
 )  # fmt: skip
 
 
+# Five more, looked at while the training was developed.
+
+
+def depth_zigzag(d: Draws) -> Any:
+    """Turn back towards the gimbal and away from it, while drifting sideways."""
+    turn = np.sign(np.sin(2.0 * math.pi * (TIMES / d.between(1, 0.4, 1.0) + d.between(2, 0.0, 1.0))))
+    zero = 0.0 * d.between(0, 0.0, 1.0)
+    return along(1.4 + zero, driven(d.between(3, 0.4, 1.2) * turn)) + along(
+        zero, d.side(4) * d.between(5, 0.2, 0.8) * TIMES
+    )
+
+
+def peek(d: Draws) -> Any:
+    """Come out from cover for a moment, and go back the same way; again and again."""
+    period, out = d.between(1, 1.0, 2.0), d.between(2, 0.15, 0.4)
+    at = ((TIMES / period + d.between(4, 0.0, 1.0)) % 1.0) * period
+    back = (at > 0.5 * period) & (at < 0.5 * period + out)
+    return along(
+        d.sideways(), driven(np.select([at < out, back], [1.0, -1.0], 0.0) * d.between(3, 0.6, 2.0) * d.side(5))
+    )
+
+
+def random_walk(d: Draws) -> Any:
+    """Drive at a speed that is noise with a memory of 0.3 s, of about 0.8 m/s."""
+    leg = np.minimum(((TIMES - BEGIN_S) / 0.13).astype(int), 27)
+    kick = d.chance[..., 6:34][..., leg] - 0.5
+    speed, speeds = np.zeros(d.chance.shape[:-1]), []
+    for index in range(len(TIMES)):
+        speed = speed + STEP_S * (-speed / 0.3 + 14.0 * kick[..., index])
+        speeds.append(speed)
+    return along(d.sideways(), driven(np.stack(speeds, axis=-1)))
+
+
+def late_start(d: Draws) -> Any:
+    """Stand for 0.3–0.9 s, then drive off."""
+    late = np.maximum(TIMES - d.between(1, 0.3, 0.9), 0.0)
+    return along(d.sideways(), driven(d.side(2) * np.minimum(8.0 * late, d.between(3, 0.8, 2.2))))
+
+
+def shuffle(d: Draws) -> Any:
+    """Turn back every 0.15–0.35 s."""
+    turn = np.sign(np.sin(math.pi * (TIMES / d.between(1, 0.15, 0.35) + d.between(2, 0.0, 2.0))))
+    return along(d.sideways(), driven(d.between(3, 0.5, 1.8) * turn))
+
+
+ZIGZAG = (depth_zigzag,)
+LATE = (peek, random_walk, late_start, shuffle)
+
 # Ten more, written before the policies that are evaluated on them were trained, and not looked at before the end.
 
 
 def patrol(d: Draws) -> Any:
-    """Drive round a rectangle, without slowing down at its corners."""
+    """Drive round a rectangle, cutting its corners at 0.7 of the speed."""
     long, short, speed = d.between(1, 0.3, 0.9), d.between(2, 0.2, 0.6), d.between(3, 0.5, 1.8)
     at = (speed * TIMES + d.between(4, 0.0, 3.0)) % (2.0 * (long + short))
     edges = [at < long, at < long + short, at < 2.0 * long + short]
@@ -224,7 +272,7 @@ def u_turns(d: Draws) -> Any:
 
 
 def keys(d: Draws) -> Any:
-    """Follow a driver's four keys, left, right, to and fro, each pair pressed and released for itself."""
+    """Follow a driver's four keys, left, right, forward and back, each pair independently."""
     top, lag = d.between(1, 0.8, 2.0), d.between(2, 0.06, 0.2)
     moved = []
     for first, turn in ((4, 0.0), (22, math.pi / 2.0)):
@@ -260,7 +308,7 @@ def bump(d: Draws) -> Any:
 
 
 def arc(d: Draws) -> Any:
-    """Keep a distance: drive on an arc about a point some metres off, and turn back now and then."""
+    """Drive on an arc of 2–6 m radius, and turn back now and then."""
     radius = d.between(1, 2.0, 6.0)
     leg, _ = d.legs(6, (0.5, 1.6))
     angle = driven(d.side(2) * d.between(3, 0.4, 2.0) * soft(np.where(leg % 2 == 0, 1.0, -1.0), 10)) / radius
@@ -268,14 +316,14 @@ def arc(d: Draws) -> Any:
 
 
 def feint(d: Draws) -> Any:
-    """Lurch to one side for a moment, then drive off to the other; again and again."""
+    """Lurch to one side for a moment, drive off to the other, then stand; again and again."""
     turn = d.turns((0.9, 2.0))
     speed = np.select([turn < d.between(3, 0.08, 0.16), turn < 0.7], [-1.0, 1.0], 0.0)
     return along(d.sideways(), driven(d.side(4) * d.between(5, 0.6, 2.0) * soft(speed)))
 
 
 def slalom(d: Draws) -> Any:
-    """Drive away or nearer, off the line of sight, in wide bends."""
+    """Drive away or nearer at 40–80° to the lateral direction, swinging sideways."""
     line = along(d.side(1) * d.between(2, 0.7, 1.4), d.between(3, 0.4, 1.2) * d.side(4) * TIMES)
     return from_zero(line + along(0.0 * d.between(0, 0.0, 1.0), d.swing(5, (0.12, 0.35), (0.35, 0.8))))
 
@@ -312,5 +360,9 @@ def motion(way: Callable[[Draws], Any], length_s: float) -> Any:
 
 # As names of this file, by which a task finds them: dash_1, dash_3, …
 globals().update(
-    {f"{way.__name__}_{length:g}": motion(way, length) for way in (*BURSTS, *OTHERS, *TEN) for length in LENGTHS}
+    {
+        f"{way.__name__}_{length:g}": motion(way, length)
+        for way in (*BURSTS, *OTHERS, *ZIGZAG, *LATE, *TEN)
+        for length in LENGTHS
+    }
 )

@@ -4,23 +4,23 @@
 of 1 s and of 3 s at four ranges:
 
 - known: the eight kinds of motion of the task `any`;
-- eq (7): the paper's motion, beside the policy of FOLDER/tracked-SEED, which was trained for it;
+- eq (7): the task `paper`, targets at rest and moving ones, 1 s alone, beside the policy of FOLDER/tracked-SEED, which
+  was trained for it;
 - bursts, others: three and fourteen motions of motions.py, which were looked at while the training was developed;
-- depth, late: the zigzag in depth, and four other motions, of shared/data beside the clone; skipped where it is absent;
+- depth, late: the zigzag in depth, and four other motions, looked at as well;
 - ten: those of motions.py that were written before these policies were trained, and not looked at before.
 
 The trackers `kalman`, `kalman-lq` and `imm-lq` have one setting each, tuned for the task `any`. All controllers shoot
 at the same targets with the same dispersion. A cell is one motion at one range in engagements of one length. "Less
 imm-lq" and "less best" are differences of hit rates in points; the best is the best of the three trackers in each cell
-by itself. Writes results/unseen_motions.json, unless fewer than 100 engagements a cell are shot.
+by itself. Writes results/unseen_motions.json, with the seed in its name but for 0, unless there are fewer
+than three policies or 100 engagements a cell.
 """
 
 import argparse
-import importlib.util
+import itertools
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,8 +33,6 @@ from bars import Bar, finish
 
 ROOT = Path(__file__).parents[1]
 TRACKERS = ("kalman", "kalman-lq", "imm-lq")
-PLACES = [each / "shared" / "data" / "motions_unseen.py" for each in ROOT.parents]
-LATE = ("peek", "random_walk", "late_start", "shuffle")
 COLUMNS = ("less_imm", "less_best", "less_special")
 GOALS: dict[str, dict[str, tuple[float, float | None]]] = {  # group → column → least mean, least cell
     "known": {"less_imm": (6.2, -1.0)},
@@ -47,7 +45,7 @@ GOALS: dict[str, dict[str, tuple[float, float | None]]] = {  # group → column 
 }
 
 
-class Shot(NamedTuple):
+class Part(NamedTuple):
     """What is evaluated at a time."""
 
     group: str
@@ -55,59 +53,33 @@ class Shot(NamedTuple):
     task: af.Task
 
 
-def shared_motions() -> ModuleType | None:
-    """Return the file of shared/data with five motions, if it is there."""
-    if (path := next(filter(Path.is_file, PLACES), None)) is None:
-        return None
-    spec: Any = importlib.util.spec_from_file_location("motions_unseen", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def of_shared(name: str) -> Any:
-    """Return a motion of shared/data as those of motions.py are."""
-    names = ("TIMES", "BEGIN_S", "STEP_S", "along", "driven")
-    tools = SimpleNamespace(sideways=motions.Draws.sideways, **{each: getattr(motions, each) for each in names})
-    return partial(getattr(shared_motions(), name), tools)
-
-
-# As names of this file, by which a task finds them.
-if shared_motions() is not None:
-    for _name in ("depth_zigzag", *LATE):
-        globals().update({f"{_name}_{_s:g}": motions.motion(of_shared(_name), _s) for _s in motions.LENGTHS})
-
-
-def shots(task: af.Task) -> Iterator[Shot]:
+def parts(task: af.Task) -> Iterator[Part]:
     """Yield what is evaluated."""
-    yield Shot("known", "", task)
-    yield Shot("eq (7)", "eq (7)", af.Task.load("paper"))
-    made = {"bursts": motions.BURSTS, "others": motions.OTHERS, "ten": motions.TEN}
-    named = [(motions.__file__, group, way.__name__) for group, ways in made.items() for way in ways]
-    if shared_motions() is None:
-        print(f"depth, late: skipped, no {PLACES[0].name} in shared/data beside the clone")
-    else:
-        named += [(__file__, "depth", "depth_zigzag"), *[(__file__, "late", name) for name in LATE]]
-    for file, group, name in named:
-        for length in motions.LENGTHS:
-            yield Shot(group, name, task.replace(motion=f"{file}:{name}_{length:g}", lengths_s=(length,)))
+    yield Part("known", "", task)
+    yield Part("eq (7)", "", af.Task.load("paper"))
+    groups = {"bursts": motions.BURSTS, "others": motions.OTHERS, "depth": motions.ZIGZAG, "late": motions.LATE}
+    for group, functions in {**groups, "ten": motions.TEN}.items():
+        for function, length in itertools.product(functions, motions.LENGTHS):
+            motion = f"{motions.__file__}:{function.__name__}_{length:g}"
+            yield Part(group, function.__name__, task.replace(motion=motion, lengths_s=(length,)))
 
 
-def cells_of(shot: Shot, controllers: dict[str, Any], robot: af.Robot, engagements: int, seed: int) -> list[Any]:
+def rows_of(part: Part, controllers: dict[str, Any], robot: af.Robot, engagements: int, seed: int) -> list[Any]:
     """Return a row per policy and cell: its hit rate, those of the trackers, and the differences."""
-    results = af.evaluate(controllers, robot, shot.task, engagements=engagements, seed=seed)
+    results = af.evaluate(controllers, robot, part.task, engagements=engagements, seed=seed)
     by_place: dict[Any, dict[str, float]] = {}
     for cell in results.cells:
-        by_place.setdefault((cell.table, *cell.place), {})[cell.controller] = 100.0 * cell.rate
+        place = cell.motion, cell.length_s, cell.range_m
+        by_place.setdefault(place, {})[cell.controller] = 100.0 * cell.rate
     rows = []
-    for (_, _, motion, length, range_m), rates in by_place.items():
+    for (motion, length, range_m), rates in by_place.items():
         trackers = {name: rates[name] for name in TRACKERS}
         for name in (name for name in rates if name.startswith("any-")):
             special = rates.get(name.replace("any", "tracked"), float("nan"))
             rows.append(
                 {
-                    "group": shot.group,
-                    "motion": (shot.name or motion).replace("_", " "),
+                    "group": part.group,
+                    "motion": (part.name or motion).replace("_", " "),  # of eq (7) static or dynamic
                     "length_s": length,
                     "range_m": str(range_m),
                     "training": int(name.removeprefix("any-")),
@@ -158,11 +130,11 @@ def main() -> None:
     policies = {f"any-{seed}": af.Policy.load(options.folder / f"any-{seed}") for seed in range(options.seeds)}
     special = {f"tracked-{seed}": af.Policy.load(options.folder / f"tracked-{seed}") for seed in range(options.seeds)}
     rows: list[Any] = []
-    for shot in shots(task):
-        controllers = policies | trackers | (special if shot.group == "eq (7)" else {})
-        found = cells_of(shot, controllers, robot, options.engagements, options.seed)
+    for part in parts(task):
+        controllers = policies | trackers | (special if part.group == "eq (7)" else {})
+        found = rows_of(part, controllers, robot, options.engagements, options.seed)
         rows += found
-        print(*summary(found, f"{shot.group}: {found[0]['motion']}, {found[0]['length_s']:g} s"), flush=True)
+        print(*summary(found, f"{part.group}: {found[0]['motion']}, {found[0]['length_s']:g} s"), flush=True)
     by_name: dict[str, list[Any]] = {}
     for row in rows:
         by_name.setdefault(f"{row['group']}: {row['motion']}, {row['length_s']:g} s", []).append(row)
@@ -170,7 +142,8 @@ def main() -> None:
     lines = tuple(summary(own, name) for name, own in by_name.items())
     table = Table("Hit rates [%] and differences in points", header, lines)
     conditions = {"engagements": options.engagements, "seed": options.seed, "trainings": options.seeds}
-    finish("unseen_motions", bars_of(rows), [table], conditions, rows, options.engagements >= 100)
+    complete = options.engagements >= 100 and options.seeds >= 3
+    finish(f"unseen_motions{options.seed or ''}", bars_of(rows), [table], conditions, rows, complete)
 
 
 if __name__ == "__main__":

@@ -112,6 +112,14 @@ def test_the_filter_is_that_of_any_textbook():
     assert_allclose(tracked(TURNING).covariance, covariance, rtol=1e-7, atol=1e-13)
 
 
+def test_a_detection_straight_above_the_pivot_leaves_no_nan():
+    above = np.array([0.0, 0.0, 1.0])
+    track = kalman_filter.predict(NOISE, kalman_filter.begin_track(NOISE, above), DT)
+    assert np.isfinite(kalman_filter.log_likelihood_across(NOISE, track, above))
+    assert np.all(np.isfinite(kalman_filter.innovation_by_axis(NOISE, track, above)))
+    assert np.all(np.isfinite(kalman_filter.update(NOISE, track, above, np.asarray(True)).covariance))
+
+
 def test_models_that_never_change_are_the_plain_filter_and_changes_a_markov_process():
     never, step = interacting_models.ModelRates(*[np.asarray(0.0)] * 3), np.asarray(DT)
     tracks = interacting_models.begin_models(NOISE, never, TURNING[0])

@@ -152,8 +152,8 @@ def test_shards_have_parts_of_what_is_split_and_agree_on_the_rest(count):
 
 
 DEFAULTS = [
-    (PAPER, "any", {}, ("gradient", "multimodel", "smooth-hit", 0.0, 20_000_000)),
-    (INFANTRY, "strafe", {}, ("gradient", "multimodel", "smooth-hit", 0.0, 20_000_000)),
+    (PAPER, "any", {}, ("gradient", "multimodel", "smooth-hit", 0.0, 22_000_000)),
+    (INFANTRY, "strafe", {}, ("gradient", "multimodel", "smooth-hit", 0.0, 22_000_000)),
     (PAPER, "kinds", {}, ("gradient", "multimodel", "smooth-hit", 0.0, 9_000_000)),
     (PAPER, "paper", {}, ("gradient", "history", "smooth-hit", 0.5, 4_000_000)),
     (INFANTRY, "paper", {}, ("gradient", "tracked", "smooth-hit", 0.35, 8_000_000)),

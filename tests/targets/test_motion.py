@@ -164,20 +164,12 @@ def test_directions_change_by_the_habits(two_legs):
 
 def test_legs_last_for_the_usual_dwell_of_the_target_or_for_their_own():
     uniforms = np.random.default_rng(9).random((40, PROCESS_UNIFORMS))
-    uniforms[:, [ACCELERATION, AXES, LEFT, SPEED_VARIES, REST, KEEPS, FORM, LONG]] = (
-        1.0,
-        1.0,
-        1.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        1.0,
-    )
+    uniforms[:, [ACCELERATION, AXES, LEFT, LONG]] = 1.0
+    uniforms[:, [SPEED_VARIES, REST, KEEPS, FORM]] = 0.0
     uniforms[:, DWELL_VARIES] = np.repeat([0.0, 1.0], 20)
-    uniforms[:20, DWELL], uniforms[20:, OWN_DWELL : OWN_DWELL + LEGS] = 2 * [
-        np.log(4.0) / np.log(20.0)
-    ]  # 0.4 s, of 0.1 to 2 s
+    usual = np.log(4.0) / np.log(20.0)  # 0.4 s, of 0.1 to 2 s
+    uniforms[:20, DWELL] = usual
+    uniforms[20:, OWN_DWELL : OWN_DWELL + LEGS] = usual
     moved = random_process(uniforms, np.ones(40))
     assert_allclose(moved[:, 60:], moved[:, 20:-40], atol=1e-9)  # to and fro from 0.1 s on: every 0.8 s it is the same
     uniforms[:, LONG] = 0.2
@@ -194,20 +186,33 @@ def test_legs_longer_than_their_ramp_change_speed_at_the_targets_acceleration(tw
     assert_allclose(most[long], drawn[long])
 
 
-def test_on_two_axes_legs_and_habits_are_independent_and_each_is_steady_as_often_as_not():
+@pytest.mark.parametrize(("axis", "other"), [(1, 0), (0, 1)])
+def test_two_axes_have_legs_and_habits_of_their_own(axis, other):
     uniforms = np.random.default_rng(10).random((4000, PROCESS_UNIFORMS))
-    across = slice(LEFT + AXIS_UNIFORMS, LEFT + 2 * AXIS_UNIFORMS)
-    uniforms[:, [HEADING, AXES]] = 0.5, 0.0
-    moved = random_process(uniforms, np.ones(4000))
+    uniforms[:, HEADING] = 0.5  # straight ahead
     changed = uniforms.copy()
-    changed[:, across] = np.random.default_rng(11).random((4000, AXIS_UNIFORMS))
-    again = random_process(changed, np.ones(4000))
-    assert_allclose(again[..., 1], moved[..., 1], atol=1e-9)  # sideways nothing has changed
-    assert np.mean(np.ptp(again[..., 0] - moved[..., 0], axis=1) > 0.01) > 0.9
+    begin = LEFT + AXIS_UNIFORMS * (axis == 1)  # sideways the first, forward the second
+    changed[:, begin : begin + AXIS_UNIFORMS] = np.random.default_rng(11).random((4000, AXIS_UNIFORMS))
+    moved, again = (random_process(each, np.ones(4000)) for each in (uniforms, changed))
+    two = uniforms[:, AXES] < 0.6
+    assert_allclose(again[two][..., axis], moved[two][..., axis], atol=1e-9)
+    assert np.mean(np.ptp(again[two][..., other] - moved[two][..., other], axis=1) > 0.01) > 0.9
+    if axis == 1:
+        check_share(np.any(again != moved, axis=(1, 2)), 0.6)
+
+
+def test_half_of_the_axes_of_targets_with_two_and_a_quarter_of_the_lines_are_steady():
+    uniforms = np.random.default_rng(13).random((4000, PROCESS_UNIFORMS))
+    uniforms[:, [HEADING, FORM, DWELL, DWELL + AXIS_UNIFORMS]] = 0.5, 0.0, 0.0, 0.0  # usual legs of 0.1 s
+    uniforms[:, [DWELL_VARIES, DWELL_VARIES + AXIS_UNIFORMS, REST, REST + AXIS_UNIFORMS]] = 0.0
+    uniforms[:, [LEFT, LEFT + AXIS_UNIFORMS, KEEPS, KEEPS + AXIS_UNIFORMS]] = 1.0, 1.0, 0.0, 0.0
+    moved = random_process(uniforms, np.ones(4000))
     steady = np.ptp(np.diff(moved[:, 15:65], axis=1), axis=1) < 1e-6  # for a second
+    two = uniforms[:, AXES] < 0.6
+    check_share(steady[two].ravel(), 0.5)
+    check_share(steady[~two, 1], 0.25)
     for forward, sideways in itertools.product((False, True), repeat=2):
-        share = np.mean((steady[:, 0] == forward) & (steady[:, 1] == sideways))
-        assert 0.1 < share < 0.5, (forward, sideways, share)
+        check_share((steady[two, 0] == forward) & (steady[two, 1] == sideways), 0.25)
 
 
 def test_two_axes_are_turned_by_at_most_45_degrees_from_the_line_of_sight():

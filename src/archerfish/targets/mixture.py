@@ -18,7 +18,7 @@ MIXTURES = {
 """Mixture → kind → how often it is drawn. Those of the table come first, and are varied.
 
 "any": whatever robots do. The process is there for motions that are not in the table: more of it costs hits on those
-that are, less of it costs hits on targets that wait, dash and stagger. Close to the best of twelve that were measured.
+that are, less of it costs hits on targets that wait, dash and stagger (docs/any_motion.md has what was measured).
 "kinds": the table and eq (7). Motions where a classical tracker is nearly best count more, for there a policy has most
 to lose; with equal weights it takes every target that stops for one that turns back. Chosen on draws that no
 evaluation has."""

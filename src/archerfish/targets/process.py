@@ -4,10 +4,10 @@ A target drives or stands, leg by leg. It has a usual dwell and a usual speed, a
 depart from it: with 0 all are alike, with 1 they have nothing in common. How often it stands, and how often it drives
 on to the side of the leg before, are its own, too; some drive on for long once they have set off.
 
-Most targets move along two axes at right angles, each with legs and habits of its own, so that one may be steady and
-the other restless. The axes are those of the line of sight, turned by up to 45°: a target that turns back along one of
-them hardly ever turns back across the line of sight as well. Of the others, with legs along one line alone, some turn
-at each leg, and some steadily.
+Most targets move along two axes at right angles, each with legs and habits of its own, so one may be steady while the
+other is restless. The axes point forward and sideways, turned by up to 45°. With turned axes a reversal along one of
+them also changes the speed across the line of sight, and reverses it in about a quarter of the cases. The other targets
+have legs along one line; some of them turn at each leg, some steadily.
 """
 
 from archerfish.arrays import Array, namespace
@@ -19,16 +19,20 @@ LEGS = 28
 _HABITS = 8
 AXIS_UNIFORMS = _HABITS + 3 * LEGS
 """Uniform draws of an axis: its habits, then dwell, speed and choice of its legs."""
-PROCESS_UNIFORMS = 5 + 2 * AXIS_UNIFORMS + LEGS
+_OWN = 5
+PROCESS_UNIFORMS = _OWN + 2 * AXIS_UNIFORMS + LEGS
 """Uniform draws of a target: its own, those of two axes, then a turn at each leg."""
 TWO_AXES = 0.6
-"""Share of the targets that move along two axes. Without them a policy takes every target that turns back in depth for
-one that turns back sideways too, and mistrusts its sideways speed."""
-DRIVES_ON, STEADY, LONG_S = 0.25, 0.5, 2.5
-"""Share of the targets whose legs are long, once they drive, that of the axes of targets that have two, and how long
-[s]. Without them a policy takes every target that sets off for one that stops or turns within half a second, and loses
-up to 6 points to `imm-lq` where it does not.
+"""Share of the targets that move along two axes. Without them a policy shortens its lead sideways whenever a target
+reverses in depth."""
+LONG_S = 2.5
+"""Duration of long legs [s]."""
+DRIVES_ON = 0.25
+"""Share of the targets with legs along one line whose driving legs are long. Without them a policy takes every target
+that sets off for one that stops or turns within half a second, and loses up to 6 points to `imm-lq` where it does not.
 """
+STEADY = 0.5
+"""Share of the axes of targets with two whose driving legs are long."""
 
 
 def random_process(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001 (as every kind's)
@@ -42,24 +46,24 @@ def random_process(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001 (
     acceleration, heading, rate = draw_parameters(HABITS, uniforms[..., None, :])
     form, axes = uniforms[..., 3, None], uniforms[..., 4, None]
     two = axes < TWO_AXES
-    first, second = (uniforms[..., 5 + at * AXIS_UNIFORMS : 5 + (at + 1) * AXIS_UNIFORMS] for at in range(2))
-    speed, dwell, left = _legs(first, xp.where(two, STEADY, DRIVES_ON))
-    across, dwell_across, left_across = _legs(second, STEADY)
+    first, second = (uniforms[..., _OWN + at * AXIS_UNIFORMS :][..., :AXIS_UNIFORMS] for at in range(2))
+    lateral_speed, dwell, left = _legs(first, xp.where(two, STEADY, DRIVES_ON))
+    forward_speed, forward_dwell, forward_left = _legs(second, STEADY)
     # Of those with legs along one line, 60 % keep it, 20 % turn by up to 0.6 rad at each leg, 20 % steadily.
-    turn = uniforms[..., 5 + 2 * AXIS_UNIFORMS : PROCESS_UNIFORMS]
+    turn = uniforms[..., _OWN + 2 * AXIS_UNIFORMS :][..., :LEGS]
     bend = 0.6 * xp.cumulative_sum(2.0 * turn - 1.0, axis=-1)
     turned = xp.where(form < 0.8, bend, rate * (xp.cumulative_sum(dwell, axis=-1) - 0.5 * dwell))
-    direction = heading + xp.where(form < 0.6, 0.0 * bend, turned)
-    velocity = xp.stack([speed * xp.sin(direction), speed * xp.cos(direction)], axis=-2)
-    velocity = xp.where(two[..., None], xp.stack([across, speed], axis=-2), velocity)
+    course = heading + xp.where(form < 0.6, 0.0 * bend, turned)
+    one_line = xp.stack([lateral_speed * xp.sin(course), lateral_speed * xp.cos(course)], axis=-2)
+    velocity = xp.where(two[..., None], xp.stack([forward_speed, lateral_speed], axis=-2), one_line)
+    # Along one line a change of velocity takes as long in both directions.
     change = xp.abs(velocity[..., 1:] - velocity[..., :-1])
     together = xp.sqrt(xp.sum(change**2, axis=-2, keepdims=True))
     ramp = xp.where(two[..., None], change, together) / acceleration[..., None]
-    lengths = xp.stack([xp.where(two, dwell_across, dwell), dwell], axis=-2)
-    begun = xp.stack([xp.where(two, left_across, left), left], axis=-2)
-    moved = xp.moveaxis(driven(velocity, lengths[..., :-1], begun, ramp), -1, -2)
+    lengths = xp.stack([xp.where(two, forward_dwell, dwell), dwell], axis=-2)[..., :-1]
+    moved = driven(velocity, lengths, xp.stack([xp.where(two, forward_left, left), left], axis=-2), ramp)
+    forward, lateral = moved[..., 0, :], moved[..., 1, :]
     angle = xp.where(two, 0.25 * heading, 0.0 * heading)
-    forward, lateral = moved[..., 0], moved[..., 1]
     cosine, sine = xp.cos(angle), xp.sin(angle)
     return xp.stack([cosine * forward + sine * lateral, cosine * lateral - sine * forward], axis=-1)
 

@@ -62,6 +62,7 @@ def step_models(
     elapsed: Array,
     plate: Array,
     fresh: Array,
+    *,
     likelihood: Callable[[TrackerNoise, Track, Array], Array] = kalman_filter.log_likelihood,
 ) -> ModelTracks:
     """Predict the estimates to a detection and update them.
@@ -73,7 +74,7 @@ def step_models(
       elapsed: since then [s], shape B.
       plate: position seen [m], shape B + (3,).
       fresh: whether it is new, shape B; if not, the estimates are only carried on.
-      likelihood: logarithm of that of the detection under a model; by default x and y count.
+      likelihood: log density of a detection given a model's estimate; by default of x and y.
     """
     xp = namespace(tracks.probability, plate)
     mixed = mix_models(noise, rates, tracks, elapsed)

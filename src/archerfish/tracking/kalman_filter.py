@@ -156,7 +156,7 @@ def log_likelihood(noise: TrackerNoise, track: Track, plate: Array) -> Array:
 
 
 def log_likelihood_across(noise: TrackerNoise, track: Track, plate: Array) -> Array:
-    """Return the log density of a measurement across the line of sight alone; otherwise as `log_likelihood`."""
+    """Return the log density of a measurement's place across the line of sight alone, less a constant, shape B."""
     innovation, variance = innovation_by_axis(noise, track, plate)
     return -0.5 * (innovation[..., 0] ** 2 / variance[..., 0] + namespace(variance).log(variance[..., 0]))
 
@@ -210,8 +210,10 @@ def measurement_covariance(noise: TrackerNoise, plate: Array) -> Array:
 def _outward(plate: Array) -> tuple[Array, Array]:
     """Return the level unit vector towards a measurement and its distance [m], shape B + (2,) and B + (1,)."""
     xp, level = namespace(plate), plate[..., :2]
-    distance = xp.maximum(xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True)), 1e-6)  # not 0/0 straight above the pivot
-    return level / distance, distance
+    distance = xp.sqrt(xp.sum(level**2, axis=-1, keepdims=True))
+    above = distance < 1e-6  # straight above the pivot every direction is as good
+    distance = xp.maximum(distance, 1e-6)
+    return xp.where(above, lift(xp.asarray([1.0, 0.0], dtype=plate.dtype), level), level / distance), distance
 
 
 def position_after(track: Track, time: Array, velocity_decay: Array = 1.0) -> Array:

@@ -25,8 +25,7 @@ class Tracks(NamedTuple):
     age: Array  # of it at the latest decision [s], B
     fast: Any  # Track
     slow: Any  # Track
-    innovation: Any  # mean of the slow filter's last squared innovations, across and along the line of sight, one where
-    #                  it is right, B + (2,)
+    innovation: Any  # the slow filter's: means of squared innovations / variance, across and along, B + (2,)
     models: Any  # ModelTracks
 
 
@@ -76,9 +75,10 @@ class Trackers(NamedTuple):
             square = xp.minimum(difference**2 / variance, LARGEST_INNOVATION)
             innovation = xp.where(fresh[..., None], innovation + FORGETTING * (square - innovation), innovation)
         if fast is not None and rates is not None:
-            # Depth hardly matters for the aim: a target that turns back there has not turned back sideways.
+            # Depth hardly matters for the aim, and a reversal there often leaves the sideways speed as it was.
             across = kalman_filter.log_likelihood_across
-            after["models"] = step_models(fast, rates, before.models, elapsed, relative, fresh, across)
+            models = before.models
+            after["models"] = step_models(fast, rates, models, elapsed, relative, fresh, likelihood=across)
         place, own = select(fresh, (seen.place, fast and seen.own), (tracks.place, tracks.own))
         return _moved(before._replace(**after), seen.own)._replace(place=place, own=own, age=age, innovation=innovation)
 
