@@ -26,7 +26,7 @@ from archerfish.targets import mixture, process
 from bars import finish
 
 ROOT = Path(__file__).parents[1]
-MIXTURES = ((0.0, 19.0), (0.6, 5.0), (0.6, 19.0), (0.6, 40.0), (0.6, 80.0), (1.0, 19.0))
+MIXTURES = ((0.0, 19.0), (0.6, 5.0), (0.6, 19.0), (0.6, 40.0))
 """Share of the process's targets that move along two axes, and weight of eq (7) beside 81 of all others."""
 TWO_AXES = process.TWO_AXES
 """The default share."""
