@@ -68,7 +68,7 @@ def draw(rows: list[dict[str, float]]) -> None:
     from matplotlib.figure import Figure
 
     with plot_style():
-        figure = Figure(figsize=(7.0, 3.6))
+        figure = Figure(figsize=(7.0, 4.0), layout="constrained")
         axes = figure.add_subplot()
         usual = sorted((row for row in rows if row["two_axes"] == TWO_AXES), key=lambda row: row["weight"])
         others = [row for row in rows if row["two_axes"] != TWO_AXES]
@@ -79,14 +79,17 @@ def draw(rows: list[dict[str, float]]) -> None:
                 axes.plot(row["eq (7)"], row[name], marker=marker, mfc="none", color=line.get_color(), ls="")
         for row in rows:
             share, weight = row["two_axes"], row["weight"]
-            label = f"{weight:g}" if share == TWO_AXES else f"{weight:g}, two axes {share:.0%}"
-            axes.annotate(label, (row["eq (7)"], row["others"]), (0, 6), textcoords="offset points", ha="center")
+            label = f"{weight:g}" if share == TWO_AXES else f" {weight:g}, two axes {share:.0%}"
+            side: dict[str, Any] = (
+                {"ha": "center", "va": "bottom"} if share == TWO_AXES else {"ha": "left", "va": "center"}
+            )
+            axes.annotate(label, (row["eq (7)"], row["others"]), (0, 6), textcoords="offset points", **side)
         axes.axhline(0.0, color="0.7", lw=0.8)
         axes.set_xlabel("eq (7), less the policy trained for it [points]")
         axes.set_ylabel("less imm-lq [points]")
         axes.set_title("Mixtures by the weight of eq (7)")
         axes.legend()
-        figure.savefig(ROOT / "docs" / "mixtures.svg")
+        figure.savefig(ROOT / "docs" / "mixtures.svg", metadata={"Date": None})
 
 
 def main() -> None:
