@@ -1,11 +1,11 @@
 """What is gained and lost with the mixture of targets that a training for any motion draws from.
 
 `python benchmarks/mixtures.py TRACKED` trains a policy for each of `MIXTURES` on tests/infantry, in a process of its
-own, and evaluates it: on eq (7), beside the policy TRACKED that was trained for it alone, and on the eight kinds of
-motion and those of motions.py but the ten, beside `imm-lq`. Differences of hit rates in points, in the same
-engagements. Trainings are short, 3 million decisions, so all policies are somewhat worse than by default; what counts
-is how they differ. One training each: differences below half a point are noise. Draws docs/mixtures.svg and writes
-results/mixtures.json, in about a quarter of an hour on two cores.
+own, and evaluates it: on moving targets of eq (7), beside the policy TRACKED that was trained for it alone, and on the
+eight kinds of motion and the bursts and others of motions.py, beside `imm-lq`. Differences of hit rates in points, in
+the same engagements. Trainings are short, 3 million decisions, so all policies are somewhat worse than by default; what
+counts is how they differ. One training each: differences below half a point are noise. Draws docs/mixtures.svg and
+writes results/mixtures.json, in about a quarter of an hour on two cores.
 """
 
 import argparse

@@ -8,7 +8,7 @@ of 1 s and of 3 s at four ranges:
   was trained for it;
 - bursts, others: three and fourteen motions of motions.py, which were looked at while the training was developed;
 - depth, late: the zigzag in depth, and four other motions, looked at as well;
-- ten: those of motions.py that were written before these policies were trained, and not looked at before.
+- ten: those of motions.py that were written before the policies of the stored results were trained.
 
 The trackers `kalman`, `kalman-lq` and `imm-lq` have one setting each, tuned for the task `any`. All controllers shoot
 at the same targets with the same dispersion. A cell is one motion at one range in engagements of one length. "Less
