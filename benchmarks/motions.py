@@ -242,7 +242,7 @@ def shuffle(d: Draws) -> Any:
 ZIGZAG = (depth_zigzag,)
 LATE = (peek, random_walk, late_start, shuffle)
 
-# Ten more, written before the policies of results/unseen_motions.json were trained; none was evaluated on them before.
+# Ten more. Looked at since, as those above.
 
 
 def patrol(d: Draws) -> Any:
@@ -343,6 +343,117 @@ def lurch(d: Draws) -> Any:
 
 TEN = (patrol, u_turns, keys, surge, spiral, bump, arc, feint, slalom, lurch)
 
+# A second ten, written after the first had been looked at, and before the policies of the stored results were trained.
+
+
+def shuttle(d: Draws) -> Any:
+    """Drive to and fro between two places: speed up, hold the speed, brake, turn back at once."""
+    top, acceleration = d.between(1, 0.6, 2.2), d.between(2, 1.5, 5.0)
+    hold = d.between(3, 0.1, 0.8)
+    half = 2.0 * top / acceleration + hold
+    at = (TIMES + d.between(4, 0.0, 2.0)) % (2.0 * half)
+    on = np.where(at < half, at, at - half)
+    speed = np.minimum(np.minimum(acceleration * on, top), acceleration * (half - on))
+    return along(d.sideways(), driven(np.where(at < half, speed, -speed) * d.side(5)))
+
+
+def hesitate(d: Draws) -> Any:
+    """Drive across and slow down for a moment now and then, then drive on to the same side."""
+    period, brief = d.between(1, 0.7, 1.6), d.between(2, 0.15, 0.35)
+    at = ((TIMES / period + d.between(3, 0.0, 1.0)) % 1.0) * period
+    speed = np.where(at < brief, d.between(4, 0.0, 0.4), 1.0)
+    return along(d.sideways(), driven(d.side(5) * d.between(6, 0.6, 2.0) * soft(speed)))
+
+
+def covers(d: Draws) -> Any:
+    """Drive smoothly from place to place, with rests between."""
+    move, rest = d.between(1, 0.5, 1.1), d.between(2, 0.1, 0.4)
+    passed = (TIMES - BEGIN_S) / (move + rest) + d.between(3, 0.0, 1.0)
+    leg = np.minimum(passed.astype(int), 26)
+    places = d.chance[..., 10:38] - 0.5
+    before, after = (np.take_along_axis(places, leg + later, axis=-1) for later in (0, 1))
+    gone = np.clip((passed - leg) * (move + rest) / move, 0.0, 1.0)
+    eased = gone**3 * (10.0 - 15.0 * gone + 6.0 * gone**2)  # of the least jerk
+    displacement = d.between(4, 0.4, 1.0) * (before + eased * (after - before))
+    return from_zero(along(d.sideways(), displacement))
+
+
+def wander(d: Draws) -> Any:
+    """Drive at a velocity that is noise with a memory of 1 s, in both directions, of about 0.8 m/s."""
+    leg = np.minimum(((TIMES - BEGIN_S) / 0.26).astype(int), 13)
+    parts = []
+    for first in (6, 20):
+        kick = d.chance[..., first : first + 14][..., leg] - 0.5
+        speed, speeds = 1.6 * (d.chance[..., first // 6] - 0.5), []
+        for index in range(len(TIMES)):
+            speed = speed + STEP_S * (-speed / 1.0 + 9.0 * kick[..., index])
+            speeds.append(speed)
+        parts.append(driven(np.stack(speeds, axis=-1)))
+    return np.stack(parts, axis=-1)
+
+
+def corners(d: Draws) -> Any:
+    """Drive at one speed, and turn by 60–120° now and then, slipping on at first."""
+    leg, own = d.legs(8, (0.5, 1.4))
+    turned = np.where(own < 0.5, -1.0, 1.0) * np.radians(60.0 + 60.0 * ((7.0 * own) % 1.0))
+    new = np.diff(leg, axis=-1, prepend=leg[..., :1]) > 0
+    course = d.phase(1) + np.cumsum(np.where(new, turned, 0.0), axis=-1)
+    lag = d.between(2, 0.05, 0.15)[..., 0]
+    wanted = d.between(3, 0.5, 1.8)[..., None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
+    velocity, velocities = wanted[..., 0, :], []
+    for index in range(len(TIMES)):
+        velocity = velocity + (STEP_S / lag)[..., None] * (wanted[..., index, :] - velocity)
+        velocities.append(velocity)
+    return np.stack([driven(np.stack([v[..., axis] for v in velocities], axis=-1)) for axis in (0, 1)], axis=-1)
+
+
+def ram(d: Draws) -> Any:
+    """Drive towards the gimbal, faster and faster, and swerve to one side at some moment."""
+    start, acceleration, top = d.between(1, 0.0, 0.6), d.between(2, 0.5, 2.0), d.between(3, 0.6, 1.5)
+    speed = np.minimum(start + acceleration * (TIMES - BEGIN_S), top)
+    swerve = np.clip((TIMES - d.between(4, 0.1, 1.8)) / d.between(5, 0.2, 0.5), 0.0, 1.0)
+    course = d.between(6, -0.2, 0.2) + d.side(7) * d.between(8, 0.8, 1.6) * swerve
+    return np.stack([driven(-speed * np.cos(course)), driven(speed * np.sin(course))], axis=-1)
+
+
+def sidestep(d: Draws) -> Any:
+    """Stand, and step aside quickly now and then, to a side that is drawn again."""
+    pause, step = d.between(1, 0.35, 1.0), d.between(2, 0.2, 0.35)
+    passed = (TIMES - BEGIN_S) / (pause + step) + d.between(3, 0.0, 1.0)
+    leg = np.minimum(passed.astype(int), 27)
+    side = np.sign(np.take_along_axis(d.chance[..., 10:38], leg, axis=-1) - 0.5)
+    gone = np.clip(((passed - leg) * (pause + step) - pause) / step, 0.0, 1.0)
+    speed = side * np.where((gone > 0.0) & (gone < 1.0), 2.0 * np.sin(math.pi * gone) ** 2, 0.0)
+    return along(d.sideways(), driven(d.between(4, 0.1, 0.25) / step * speed))
+
+
+def rocking(d: Draws) -> Any:
+    """Swing to rest after a push, and be pushed once more."""
+    frequency, decay, size = d.between(1, 0.5, 1.5), d.between(2, 0.4, 1.5), d.between(3, 0.1, 0.35)
+    moved = 0.0 * TIMES
+    for first, since in ((4, TIMES - BEGIN_S), (6, TIMES - d.between(8, 0.2, 2.0))):
+        after = np.maximum(since, 0.0)
+        swing = np.exp(-after / decay) * np.sin(2.0 * math.pi * frequency * after)
+        moved = moved + d.side(first) * size * d.between(first + 1, 0.5, 1.0) * swing
+    return from_zero(along(d.sideways(), moved))
+
+
+def snake(d: Draws) -> Any:
+    """Drive at one speed on a course that swings by up to 90° to either side."""
+    course = d.phase(1) + d.swing(2, (0.4, 1.6), (0.3, 1.0))
+    speed = d.between(6, 0.4, 1.8)
+    return np.stack([driven(speed * np.sin(course)), driven(speed * np.cos(course))], axis=-1)
+
+
+def sprint(d: Draws) -> Any:
+    """Speed up evenly from a slow pace to a fast one, and hold it."""
+    slow, fast = d.between(1, 0.0, 0.5), d.between(2, 1.0, 2.4)
+    gained = d.between(3, 0.6, 3.0) * np.maximum(TIMES - d.between(4, -0.3, 1.2), 0.0)
+    return along(d.sideways(), driven(d.side(5) * np.minimum(slow + gained, fast)))
+
+
+SECOND_TEN = (shuttle, hesitate, covers, wander, corners, ram, sidestep, rocking, snake, sprint)
+
 
 def motion(way: Callable[[Draws], Any], length_s: float) -> Any:
     """Return a motion as a user's code has it, within the speed and displacement of the drawn ones."""
@@ -362,7 +473,7 @@ def motion(way: Callable[[Draws], Any], length_s: float) -> Any:
 globals().update(
     {
         f"{way.__name__}_{length:g}": motion(way, length)
-        for way in (*BURSTS, *OTHERS, *ZIGZAG, *LATE, *TEN)
+        for way in (*BURSTS, *OTHERS, *ZIGZAG, *LATE, *TEN, *SECOND_TEN)
         for length in LENGTHS
     }
 )
