@@ -82,9 +82,29 @@ def test_adam_takes_steps_of_the_rate_and_large_gradients_are_scaled():
     parameters = (jnp.array([1.0, -1.0]),)
     moments = learner.ADAM.init(parameters)
     gradient_of, rate = (jnp.array([30.0, -40.0]),), jnp.float32(0.1)
-    (after,), moments = learner.adam_step(parameters, gradient_of, moments, rate, jnp.float32(0.5))
+    (after,), moments = learner.optimiser_step("adam", parameters, gradient_of, moments, rate, jnp.float32(0.5))
     assert_allclose(after, [0.9, -0.9], rtol=1e-3)
     assert_allclose(moments.mu[0], 0.1 * np.array([0.3, -0.4]), rtol=1e-4)
+
+
+def test_muon_takes_orthogonal_steps_in_hidden_matrices_and_those_of_adam_elsewhere():
+    rng, rate, largest = np.random.default_rng(0), jnp.float32(1e-3), jnp.float32(1.0)
+    zero, gradient = (
+        learner.Actor(
+            tuple(Layer(*(jnp.float32(make(shape)) for shape in (pair, pair[1:]))) for pair in ((24, 16), (16, 2))),
+            jnp.zeros(0),
+        )
+        for make in (np.zeros, rng.standard_normal)
+    )
+    after = {}
+    for name, optimiser in learner.OPTIMISERS.items():
+        after[name] = learner.optimiser_step(name, zero, gradient, optimiser.init(zero), rate, largest)[0].layers
+    hidden, last = after["muon"]
+    singular = np.linalg.svd(hidden.weight, compute_uv=False) / (1e-3 * 0.2 * np.sqrt(24.0))
+    assert 0.6 < singular.min() < singular.max() < 1.3
+    assert np.sum(hidden.weight * gradient.layers[0].weight) < 0.0
+    for ours, adam in zip((hidden.bias, *last), (after["adam"][0].bias, *after["adam"][1]), strict=True):
+        assert_allclose(ours, adam)
 
 
 def test_the_gradient_of_an_engagement_is_clipped_alone():
@@ -98,7 +118,7 @@ def test_the_gradient_of_a_window_is_its_slope(quick_jit):
     # Seven decisions of engagements of five and ten: the gradient also stops where another engagement begins.
     task = af.Task.load("dynamic").replace(lengths_s=(0.1, 0.2), short_share=0.5)
     environment, rng = af.make_environment(PAPER, task), np.random.default_rng(0)
-    config = GradientConfig(environments=8, hidden=8, layers=1, shards=1)
+    config = GradientConfig(environments=8, hidden=8, layers=1, shards=1, optimiser="adam")
     state = gradient.GRADIENT.begin(jax.tree.map(jnp.asarray, environment), config, jax.random.key(1))
     fresh = environment.fresh(rng.standard_normal((8, environment.normals)), rng.random((8, environment.uniforms)))
     normals = rng.standard_normal((7, environment.normals, 8))
@@ -134,12 +154,15 @@ def test_iterations_end_with_the_one_before_the_first_bad_one_in_any_shard():
 
     actor, rows = learner.Actor((), jnp.zeros(2)), jnp.array([[1.0], [2.0], [-3.0], [4.0]])
     nothing = Normaliser(jnp.zeros(1), jnp.ones(1), jnp.float32(0))
-    state = learner.Learner(actor, (), (), nothing, (), rows, jax.random.key(0), jnp.int32(0))
+    state = learner.Learner(actor, (), (), nothing, jnp.zeros((4, 0)), rows, jax.random.key(0), jnp.int32(0))
     sizes, state = (("environments", 4), ("shards", 2)), placed(state, 2, learner.SPLIT)
     kept, metrics = learner.iterate(iteration, (), {}, state, sizes, 4)
     assert (int(kept.iteration), metrics["number"].tolist()) == (2, [1, 2, 3, 3])
     assert_array_equal(kept.observation, 4.0 * rows)
     assert np.isinf(metrics["watched"][:, 2]).tolist() == [False, False, True, True]
+    programs = learner.iterate._cache_size()
+    learner.iterate(iteration, (), {}, kept, sizes, 4)
+    assert learner.iterate._cache_size() == programs  # compiled once, also with an empty part of the state
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])  # there are two devices; four shards run side by side on one

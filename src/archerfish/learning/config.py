@@ -73,8 +73,10 @@ class GradientConfig(_Sized, frozen=True, kw_only=True):
     """Neurons of the first hidden layer of the policy (paper: 256)."""
     layers: Annotated[int, Meta(ge=1, le=8)] = 2
     """Hidden layers, each with half of the neurons of the one before; the paper has one."""
+    optimiser: Literal["adam", "muon"] | None = None
+    """Adam, or Muon for the matrices of the hidden layers: better where many motions are learned at once."""
     learning_rate: Rate = 3e-3
-    """Adam step."""
+    """Step of Adam or Muon."""
     anneal: bool = True
     """Whether the learning rate falls linearly, to a twentieth."""
     gradient_norm: Rate = 0.1
@@ -99,6 +101,7 @@ class PpoConfig(_Sized, frozen=True, kw_only=True):
     """Settings of PPO; the paper's where it prints them."""
 
     part = "rollout"
+    optimiser: ClassVar[str] = "adam"
     environments: Count = 512
     """Engagements that run side by side."""
     rollout: Annotated[int, Meta(ge=1, le=1000)] = 25
@@ -210,10 +213,14 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
         made = self.replace(observation=self.observation or usual)
         six = made.kind == "paper"
         made = made.replace(trainer=made.trainer or ("ppo" if six else "gradient"))
-        steps, hidden = (22_000_000, 512) if drawn else (8_000_000 if late else 4_000_000, 256)
+        steps, hidden = (22_000_000, 480) if drawn else (8_000_000 if late else 4_000_000, 256)
         if task.motion == "kinds":
             steps = 9_000_000
-        gradient = made.gradient.replace(steps=made.gradient.steps or steps, hidden=made.gradient.hidden or hidden)
+        gradient = made.gradient.replace(
+            steps=made.gradient.steps or steps,
+            hidden=made.gradient.hidden or hidden,
+            optimiser=made.gradient.optimiser or ("muon" if drawn else "adam"),
+        )
         discount = (0.9 if six and late else 0.95) if made.ppo.discount is None else made.ppo.discount
         ppo = made.ppo.replace(steps=made.ppo.steps or (1_200_000 if six and late else 2_000_000), discount=discount)
         if made.still_share is None:

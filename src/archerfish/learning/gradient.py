@@ -2,7 +2,7 @@
 
 The simulator is differentiable, so the mean reward of a short window of decisions is a function of the policy's weights
 like any other: the window is played, and the gradient goes back through all its steps of environment and network. Adam
-follows it. The states continue from window to window, the gradient does not.
+or Muon follows it. The states continue from window to window, the gradient does not.
 
 It sees nothing of what jumps, such as a hit that is not smoothed, nor of what comes of a window's decisions after its
 end.
@@ -19,7 +19,7 @@ from jax import Array
 from archerfish.controllers.policy.network import normalise
 from archerfish.learning import learner as learners
 from archerfish.learning.environment import Environment
-from archerfish.learning.learner import Actor, Learner, Metrics, Trainer, adam_step, magnitude, updated
+from archerfish.learning.learner import Actor, Learner, Metrics, Trainer, magnitude, optimiser_step, updated
 from archerfish.learning.shards import averaged, own_key
 
 LEAST_RATE = 0.05
@@ -27,7 +27,7 @@ LEAST_RATE = 0.05
 
 
 def _iteration(
-    environment: Environment, settings: dict[str, Array], learner: Learner, sizes: dict[str, int]
+    environment: Environment, settings: dict[str, Array], learner: Learner, sizes: dict[str, Any]
 ) -> tuple[Learner, Metrics, Metrics]:
     key, noise = jax.random.split(learner.key)
     keys = jax.random.split(own_key(noise))
@@ -41,7 +41,8 @@ def _iteration(
     gradient, mean_reward, hit_share = averaged((gradient, jnp.mean(rewards), jnp.mean(hits)))
     norm = optax.tree.norm(gradient)
     rate = settings["learning_rate"] * jnp.maximum(1.0 - learner.iteration / settings["anneal_over"], LEAST_RATE)
-    actor, moments = adam_step(learner.actor, gradient, learner.moments[0], rate, settings["gradient_norm"])
+    before, largest = (learner.actor, gradient, learner.moments[0]), settings["gradient_norm"]
+    actor, moments = optimiser_step(sizes["optimiser"], *before, rate, largest)
     after = learner._replace(
         actor=actor,
         moments=(moments, learner.moments[1]),
@@ -60,7 +61,7 @@ def _iteration(
 GRADIENT = Trainer(
     _iteration,
     scalars=("learning_rate", "gradient_norm", "engagement_norm"),
-    sizes=("environments", "window", "shards"),
+    sizes=("environments", "window", "shards", "optimiser"),
     draws=False,
 )
 """The analytic policy gradient."""

@@ -1,4 +1,4 @@
-"""What both trainers share: the learner, Adam's step, the observations' statistics, and the watch over all numbers."""
+"""What both trainers share: the learner, optimisers, the observations' statistics, and the watch over all numbers."""
 
 import itertools
 from collections.abc import Callable
@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import optax
 from jax import Array
+from optax.contrib import MuonDimensionNumbers, scale_by_muon
 
 from archerfish.controllers.policy.network import Layer, Normaliser, forward
 from archerfish.learning.config import MAX_LOG_STD
@@ -17,11 +18,35 @@ from archerfish.learning.shards import AXIS, averaged, largest, over_shards
 
 ADAM = optax.scale_by_adam(eps=1e-5)
 """Scales gradients to steps; the learning rates come after it, so that they may change without compiling again."""
+_MUON_SIZE = 0.2
+"""Root mean square of Muon's steps in units of the learning rate, about that of Adam's (Liu et al. 2025)."""
+
+
+def _muon_or_adam(parameters: Any) -> Any:
+    """Return which of the two steps each array: Muon the matrices between inputs and hidden neurons."""
+    return jax.tree.map(lambda each: "muon" if each.ndim == 2 and min(each.shape) > ACTIONS else "adam", parameters)
+
+
+def _as_large_as_adams(steps: Any, _: Any) -> Any:
+    return jax.tree.map(lambda each: _MUON_SIZE * max(each.shape) ** 0.5 * each, steps)
+
+
+def _two_axes(matrices: Any) -> Any:
+    return jax.tree.map(lambda _: MuonDimensionNumbers(), matrices)
+
+
+_ORTHOGONAL = optax.chain(scale_by_muon(weight_dimension_numbers=_two_axes), optax.stateless(_as_large_as_adams))
+MUON = optax.partition({"muon": _ORTHOGONAL, "adam": ADAM}, _muon_or_adam)
+"""Muon (Jordan et al. 2024): makes the mean gradient of each hidden matrix orthogonal, so that rare directions are
+learned as fast as frequent ones."""
+OPTIMISERS = {"adam": ADAM, "muon": MUON}
 LEAST_VARIANCE = 1e-4
 """Of an observation, all of which are scaled to about one. What varies less is magnified no further: in float32 the
 last bits of an angle would become a part of what the policy does, and no two libraries agree on those."""
 WATCHED = {"observation": 1e8, "action": 1e8, "reward": 1e8, "gradient": 1e12, "log_std": MAX_LOG_STD, "weights": 1e6}
 """Largest magnitudes that a training continues with, in the order of cause and effect: far beyond any that learns."""
+ACTIONS = 2
+"""Numbers of an action."""
 Metrics = dict[str, Array]
 Parameters = TypeVar("Parameters")
 
@@ -46,7 +71,7 @@ class Learner(NamedTuple):
 
     actor: Actor
     critic: tuple[Layer, ...]  # empty without one
-    moments: tuple[Any, Any]  # of Adam, for actor and critic
+    moments: tuple[Any, Any]  # of the optimiser, for actor and critic
     normaliser: Normaliser
     environment: Any  # state of the environments
     observation: Array  # for the next decision, (B, n)
@@ -58,9 +83,15 @@ SPLIT = Learner(**{name: name in ("environment", "observation") for name in Lear
 """What each shard has a part of."""
 
 
-@partial(jax.jit, static_argnames=("batch", "hidden", "critic"))
+@partial(jax.jit, static_argnames=("batch", "hidden", "critic", "optimiser"))
 def begin_learner(
-    environment: Environment, key: Array, log_std: Array, batch: int, hidden: tuple[int, ...], critic: bool
+    environment: Environment,
+    key: Array,
+    log_std: Array,
+    batch: int,
+    hidden: tuple[int, ...],
+    critic: bool,
+    optimiser: str,
 ) -> Learner:
     """Begin a training: orthogonal weights, of which the small last layer of the actor begins with actions near zero.
 
@@ -71,15 +102,16 @@ def begin_learner(
       batch: environments.
       hidden: neurons of each hidden layer.
       critic: whether there is one.
+      optimiser: of `OPTIMISERS`.
     """
     keys = jax.random.split(key, 5)
     normals = jax.random.normal(keys[0], (batch, environment.normals))
     state, observation = environment.begin(normals, jax.random.uniform(keys[1], (batch, environment.uniforms)))
-    actor = Actor(_orthogonal(keys[2], (observation.shape[-1], *hidden, 2), 0.01), log_std)
+    actor = Actor(_orthogonal(keys[2], (observation.shape[-1], *hidden, ACTIONS), 0.01), log_std)
     size = observation.shape[-1] + state.hidden.shape[-1]
     value = _orthogonal(keys[3], (size, *hidden, 1), 1.0) if critic else ()
     nothing = Normaliser(jnp.zeros(size), jnp.ones(size), jnp.float32(0))
-    moments = (ADAM.init(actor), ADAM.init(value))
+    moments = (OPTIMISERS[optimiser].init(actor), OPTIMISERS[optimiser].init(value))
     return Learner(actor, value, moments, nothing, state, observation, keys[4], jnp.int32(0))
 
 
@@ -97,7 +129,7 @@ class Trainer(NamedTuple):
 
     iteration: Callable[..., tuple[Learner, Metrics, Metrics]]  # as of `iterate`
     scalars: tuple[str, ...]  # settings that are arguments of the compiled program
-    sizes: tuple[str, ...]  # whole numbers, for which a program is compiled
+    sizes: tuple[str, ...]  # what a program is compiled for: whole numbers, and the optimiser's name
     draws: bool  # whether actions are drawn, and a critic judges them; else they are the mean
 
     def begin(self, environment: Environment, config: Any, key: Array) -> Learner:
@@ -109,7 +141,8 @@ class Trainer(NamedTuple):
           key: PRNG key, shape (); is consumed.
         """
         log_std = jnp.full(2, jnp.float32(config.log_std)) if self.draws else jnp.zeros(0)
-        begun: Learner = begin_learner(environment, key, log_std, config.environments, config.widths, self.draws)
+        sizes = config.environments, config.widths, self.draws
+        begun: Learner = begin_learner(environment, key, log_std, *sizes, config.optimiser)
         return begun
 
     def advance(self, environment: Environment, config: Any, learner: Learner, count: int) -> tuple[Learner, Metrics]:
@@ -147,12 +180,13 @@ def updated(normaliser: Normaliser, observations: Array) -> Normaliser:
     return Normaliser(normaliser.mean + share * shift, jnp.maximum(spread, LEAST_VARIANCE), total)
 
 
-def adam_step(
-    parameters: Parameters, gradient: Parameters, moments: Any, rate: Array, largest_norm: Array
+def optimiser_step(
+    optimiser: str, parameters: Parameters, gradient: Parameters, moments: Any, rate: Array, largest_norm: Array
 ) -> tuple[Parameters, Any]:
-    """Scale a gradient to at most a norm and take an Adam step.
+    """Scale a gradient to at most a norm and take a step.
 
     Args:
+      optimiser: of `OPTIMISERS`.
       parameters: of one network.
       gradient: of its loss.
       moments: of its earlier gradients.
@@ -163,7 +197,7 @@ def adam_step(
       Parameters and moments after the step.
     """
     factor = jnp.minimum(1.0, largest_norm / (optax.tree.norm(gradient) + 1e-8))
-    change, moments = ADAM.update(jax.tree.map(lambda each: each * factor, gradient), moments)
+    change, moments = OPTIMISERS[optimiser].update(jax.tree.map(lambda each: each * factor, gradient), moments)
     return jax.tree.map(lambda parameter, each: parameter - rate * each, parameters, change), moments
 
 
@@ -178,7 +212,7 @@ def iterate(
     environment: Environment,
     settings: dict[str, Array],
     learner: Learner,
-    sizes: tuple[tuple[str, int], ...],
+    sizes: tuple[tuple[str, Any], ...],
     count: int,
 ) -> tuple[Learner, Metrics]:
     """Run iterations of a trainer in all shards as one compiled program, up to the first bad one.
@@ -191,13 +225,13 @@ def iterate(
       environment: where; its arrays are arguments, so another world of the same shapes compiles nothing.
       settings: of the trainer, by name.
       learner: where the training is.
-      sizes: whole numbers of the trainer's settings, with "environments" and "shards"; compiled once per set.
+      sizes: settings that a program is compiled for, with "environments" and "shards"; compiled once per set.
       count: iterations.
 
     Returns:
       The learner, of before the first bad iteration, and metrics of shape (count,); "watched" is (count, w).
     """
-    own = dict(sizes)
+    own: dict[str, Any] = dict(sizes)
     own["environments"] //= own["shards"]
 
     def shard(environment: Environment, settings: dict[str, Array], learner: Learner) -> tuple[Learner, Metrics]:

@@ -58,7 +58,9 @@ def placed(tree: Tree, count: int, split: Any) -> Tree:
     def put(is_split: bool, part: Any) -> Any:
         # What is split comes from NumPy: JAX would compile a program for each shape to split what is on a device.
         part = jax.tree.map(np.asarray, part) if is_split else part
-        return jax.device_put(part, NamedSharding(mesh, _partition(is_split)))
+        # JAX leaves empty arrays whole.
+        places = jax.tree.map(lambda each: NamedSharding(mesh, _partition(is_split and each.size > 0)), part)
+        return jax.device_put(part, places)
 
     there: Tree = jax.tree.map(put, split, tree)
     return there
