@@ -12,7 +12,7 @@ from archerfish.targets.process import PROCESS_UNIFORMS, random_process
 
 _SMOOTH = {"still": 2.0, "parabola": 6.0, "pass": 5.0, "sinusoid": 4.0, "circle": 4.0, "singer": 3.0}
 MIXTURES = {
-    "any": {**_SMOOTH, "eq 7": 19.0, "process": 57.0},
+    "any": {**_SMOOTH, "eq 7": 26.0, "process": 57.0},
     "kinds": {**dict(zip(KINDS, (3.0, 1.5, 5.0, 1.0, 5.0, 0.6, 0.6, 2.0), strict=True)), "eq 7": 6.0},
 }
 """Mixture → kind → how often it is drawn. Those of the table come first, and are varied.
