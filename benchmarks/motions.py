@@ -379,7 +379,7 @@ def covers(d: Draws) -> Any:
 
 
 def wander(d: Draws) -> Any:
-    """Drive at a velocity that is noise with a memory of 1 s, in both directions, of about 0.8 m/s."""
+    """Drive at a velocity that is noise with a memory of 1 s, in both directions, of about 1.1 m/s."""
     leg = np.minimum(((TIMES - BEGIN_S) / 0.26).astype(int), 13)
     parts = []
     for first in (6, 20):

@@ -26,7 +26,7 @@ KINDS = {
     "paper": Kind(infantry=False, task="paper", hidden=(256,)),
     "history": Kind(infantry=False, task="paper", hidden=(256, 128)),
     "tracked": Kind(infantry=True, task="paper", hidden=(256, 128)),
-    "multimodel": Kind(infantry=True, task="any", hidden=(512, 256)),
+    "multimodel": Kind(infantry=True, task="any", hidden=(480, 240)),
 }
 
 

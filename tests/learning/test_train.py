@@ -43,6 +43,12 @@ def start(words, before=""):
     return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": str(ROOT / "src")}, **pipes)
 
 
+def given(trainer):
+    """Settings by trainer; "muon" is that of the gradient with this optimiser."""
+    muon = CONFIG.replace(gradient=GRADIENT.replace(optimiser="muon"))
+    return {"config": muon, "trainer": "gradient"} if trainer == "muon" else {"config": CONFIG, "trainer": trainer}
+
+
 @pytest.fixture(scope="module")
 def expected():
     """Weights of an unbroken training, by trainer."""
@@ -50,7 +56,7 @@ def expected():
 
     def of(trainer):
         if trainer not in found:
-            found[trainer] = weights(af.train(task="paper", config=CONFIG, trainer=trainer))
+            found[trainer] = weights(af.train(task="paper", **given(trainer)))
         return found[trainer]
 
     return of
@@ -75,10 +81,10 @@ def begin(monkeypatch):
     return run
 
 
-@pytest.mark.parametrize("trainer", ["gradient", "ppo"])
+@pytest.mark.parametrize("trainer", ["gradient", "muon", "ppo"])
 def test_a_training_that_was_stopped_continues_to_the_same_weights(tmp_path, trainer, begin, expected):
     out = tmp_path / "out"
-    begin(out, 2, trainer=trainer)
+    begin(out, 2, **given(trainer))
     assert {each.name for each in out.iterdir()} >= {"run.json", "log.jsonl", "checkpoint.safetensors"}
     policy = af.resume(out)
     assert weights(policy) == expected(trainer) == weights(af.Policy.load(out))
@@ -130,6 +136,7 @@ def test_a_training_that_continues_with_other_libraries_or_code_says_so(tmp_path
     begin(tmp_path)
     run = json.loads((tmp_path / "run.json").read_text())
     run["train"] |= {"commit": "0" * 40, "versions": run["train"]["versions"] | {"jax": "0.0.1"}}
+    del run["train"]["config"]["gradient"]["optimiser"]  # as of versions that had Adam alone
     (tmp_path / "run.json").write_text(json.dumps(run))
     said = "continued with commit 0+ → .*, jax 0.0.1 → .*may not be those of an unbroken"
     with pytest.warns(UserWarning, match=said):

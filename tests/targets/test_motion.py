@@ -143,11 +143,11 @@ def test_targets_drive_and_stand_as_often_and_as_fast_as_their_distributions_hav
     check_share(drives[2500:, 0], 1.0 - 0.9 / 2.57)
     assert speed[drives].min() > 0.1 - 1e-9
     assert speed[drives].max() < 2.5 + 1e-9
-    check_share(speed[drives[:, 0], 0] < 0.5, 0.5)  # the logarithm's middle of 0.1 and 2.5
+    check_share(speed[drives[:, 0], 0] < 1.0, 0.5)
     assert_allclose(moved[:, ZERO], 0.0)
     both, varies = np.all(drives, axis=1), uniforms[:, SPEED_VARIES]
     departs = np.abs(np.log(speed[both, 1] / speed[both, 0]))
-    assert np.all(departs <= np.log(25.0) * varies[both] + 1e-9)
+    assert np.all(departs <= np.log(5.0) / 0.25 * varies[both] + 1e-9)  # where the distribution is steepest
 
 
 def test_directions_change_by_the_habits(two_legs):
@@ -230,7 +230,7 @@ def test_two_axes_are_turned_by_at_most_45_degrees_from_the_line_of_sight():
 
 @pytest.mark.parametrize("name", MIXTURES)
 def test_a_training_mixes_the_motions_by_their_weights(name):
-    counts = {"any": [4, 12, 10, 8, 8, 6, 38, 114], "kinds": [30, 15, 50, 10, 50, 6, 6, 20, 60]}[name]
+    counts = {"any": [4, 11, 9, 8, 7, 6, 48, 107], "kinds": [30, 15, 50, 10, 50, 6, 6, 20, 60]}[name]
     scenario, total = Task.load(name).scenario(), sum(counts)
     drawn = np.full((total, scenario.uniforms), 0.4)
     drawn[:, 6] = (np.arange(total) + 0.5) / total  # which kind: spaced evenly, so that no alarm is by accident

@@ -43,7 +43,7 @@ class Train(ForRobot):
     reward: Annotated[str | None, shown("NAME")] = None
     """What a shot is worth; ./FILE.py:NAME is your own."""
     steps: Annotated[int | None, shown("N")] = None
-    """Decisions to train for, rounded to whole iterations; 22 million, in about ten minutes on two idle
+    """Decisions to train for, rounded to whole iterations; 18 million, in about ten minutes on two idle
     processor cores, or for the paper's targets 2 to 8. A million is enough for a first look."""
     set: Annotated[tuple[str, ...], shown("NAME=VALUE…")] = ()
     """Any other setting, such as ppo.epochs=2 or checkpoint_every_s=10 (docs/training.md lists them)."""

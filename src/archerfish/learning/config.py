@@ -101,7 +101,7 @@ class PpoConfig(_Sized, frozen=True, kw_only=True):
     """Settings of PPO; the paper's where it prints them."""
 
     part = "rollout"
-    optimiser: ClassVar[str] = "adam"
+    optimiser: ClassVar[str] = "adam"  # (paper)
     environments: Count = 512
     """Engagements that run side by side."""
     rollout: Annotated[int, Meta(ge=1, le=1000)] = 25
@@ -213,7 +213,7 @@ class TrainConfig(Struct, frozen=True, kw_only=True):
         made = self.replace(observation=self.observation or usual)
         six = made.kind == "paper"
         made = made.replace(trainer=made.trainer or ("ppo" if six else "gradient"))
-        steps, hidden = (22_000_000, 480) if drawn else (8_000_000 if late else 4_000_000, 256)
+        steps, hidden = (18_000_000, 480) if drawn else (8_000_000 if late else 4_000_000, 256)
         if task.motion == "kinds":
             steps = 9_000_000
         gradient = made.gradient.replace(

@@ -23,19 +23,19 @@ _MUON_SIZE = 0.2
 
 
 def _muon_or_adam(parameters: Any) -> Any:
-    """Return which of the two steps each array: Muon the matrices between inputs and hidden neurons."""
+    """Return which optimiser updates each array: Muon the matrices before hidden neurons, Adam all else."""
     return jax.tree.map(lambda each: "muon" if each.ndim == 2 and min(each.shape) > ACTIONS else "adam", parameters)
 
 
-def _as_large_as_adams(steps: Any, _: Any) -> Any:
+def _scaled_to_adam(steps: Any, _: Any) -> Any:
     return jax.tree.map(lambda each: _MUON_SIZE * max(each.shape) ** 0.5 * each, steps)
 
 
-def _two_axes(matrices: Any) -> Any:
+def _dimension_numbers(matrices: Any) -> Any:
     return jax.tree.map(lambda _: MuonDimensionNumbers(), matrices)
 
 
-_ORTHOGONAL = optax.chain(scale_by_muon(weight_dimension_numbers=_two_axes), optax.stateless(_as_large_as_adams))
+_ORTHOGONAL = optax.chain(scale_by_muon(weight_dimension_numbers=_dimension_numbers), optax.stateless(_scaled_to_adam))
 MUON = optax.partition({"muon": _ORTHOGONAL, "adam": ADAM}, _muon_or_adam)
 """Muon (Jordan et al. 2024): makes the mean gradient of each hidden matrix orthogonal, so that rare directions are
 learned as fast as frequent ones."""

@@ -15,6 +15,7 @@ from jax import Array
 from archerfish.arrays import lift
 from archerfish.controllers.policy.network import Layer, forward, normalise
 from archerfish.learning import learner as learners
+from archerfish.learning.config import PpoConfig
 from archerfish.learning.environment import Environment
 from archerfish.learning.learner import Actor, Learner, Metrics, Trainer, magnitude, optimiser_step, updated
 from archerfish.learning.shards import averaged, own_key
@@ -197,9 +198,13 @@ def _update(settings: dict[str, Array], networks: Any, batch: Batch, rate: Array
         (actor_gradient, critic_gradient, error, moments, divergence, clipped)
     )
     largest, actor_rate = settings["gradient_norm"], rate * settings["actor_learning_rate"]
-    actor, actor_moments = optimiser_step("adam", actor, actor_gradient, actor_moments, actor_rate, largest)
+    actor, actor_moments = optimiser_step(
+        PpoConfig.optimiser, actor, actor_gradient, actor_moments, actor_rate, largest
+    )
     critic_rate = rate * settings["critic_learning_rate"]
-    critic, critic_moments = optimiser_step("adam", critic, critic_gradient, critic_moments, critic_rate, largest)
+    critic, critic_moments = optimiser_step(
+        PpoConfig.optimiser, critic, critic_gradient, critic_moments, critic_rate, largest
+    )
     actor = actor._replace(log_std=jnp.maximum(actor.log_std, settings["log_std_floor"]))
     measured = {
         "value_error": 2.0 * error / (jnp.maximum(square - mean**2, 0.0) + 1e-8),

@@ -224,7 +224,12 @@ def read_run(path: Path) -> Begun:
     content = read_json(file, REMEDY)
     if not isinstance(content, dict) or not isinstance(content.get("train"), dict):
         raise file_error(file, "is not that of a training", "choose another folder")
-    return to_struct({"schema": content.get("schema"), **content["train"]}, file, Begun, storage.RUN_SCHEMA, REMEDY)
+    train = {"schema": content.get("schema"), **content["train"]}
+    begun: Begun = to_struct(train, file, Begun, storage.RUN_SCHEMA, REMEDY)
+    if begun.config.gradient.optimiser is None:  # of a version that had Adam alone
+        gradient = begun.config.gradient.replace(optimiser="adam")
+        begun = begun.replace(config=begun.config.replace(gradient=gradient))
+    return begun
 
 
 def learning_curve(rows: list[dict[str, Any]]) -> "Figure":

@@ -79,8 +79,11 @@ VARIATION: Mapping[str, Distribution] = {
 }
 """Parameter → distribution, of `mixture.varied`."""
 # Of the process with habits, all assumed, and wider than what robots do.
-DWELL, LEG_SPEED = Distribution((0.1, 2.0), "s", True), Distribution((0.1, 2.5), "m/s", True)
-"""How long a leg of `process.random_process` lasts, and how fast it is driven."""
+DWELL, AXIS_SPEED = Distribution((0.1, 2.0), "s", True), Distribution((0.1, 2.5), "m/s", True)
+"""How long a leg of `process.random_process` lasts, and how fast it is driven along one of two axes."""
+LINE_SPEED = Distribution((0.1, 0.5, 1.0, 1.7, 2.5), "m/s", True, share=(0.0, 0.25, 0.5, 0.8, 1.0))
+"""How fast a leg along one line is driven: about as fast as robots are in matches. With slower ones a policy that has
+seen a fast target turn back shortens its lead from then on."""
 _TURN_RATE = Distribution((-1.5, 1.5), "rad/s")  # of those that turn steadily
 HABITS = {"acceleration": Distribution((3.0, 15.0), "m/s²", True), "heading": _COURSE, "turn rate": _TURN_RATE}
 """Parameter → distribution, of all legs of a target of that process."""

@@ -11,7 +11,7 @@ have legs along one line; some of them turn at each leg, some steadily.
 """
 
 from archerfish.arrays import Array, namespace
-from archerfish.targets.distributions import DWELL, HABITS, LEG_SPEED, draw_parameters
+from archerfish.targets.distributions import AXIS_SPEED, DWELL, HABITS, LINE_SPEED, draw_parameters
 from archerfish.targets.kinds import driven
 
 LEGS = 28
@@ -47,8 +47,8 @@ def random_process(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001 (
     form, axes = uniforms[..., 3, None], uniforms[..., 4, None]
     two = axes < TWO_AXES
     first, second = (uniforms[..., _OWN + at * AXIS_UNIFORMS :][..., :AXIS_UNIFORMS] for at in range(2))
-    lateral_speed, dwell, left = _legs(first, xp.where(two, STEADY, DRIVES_ON))
-    forward_speed, forward_dwell, forward_left = _legs(second, STEADY)
+    lateral_speed, dwell, left = _legs(first, two)
+    forward_speed, forward_dwell, forward_left = _legs(second, axes >= 0.0)
     # Of those with legs along one line, 60 % keep it, 20 % turn by up to 0.6 rad at each leg, 20 % steadily.
     turn = uniforms[..., _OWN + 2 * AXIS_UNIFORMS :][..., :LEGS]
     bend = 0.6 * xp.cumulative_sum(2.0 * turn - 1.0, axis=-1)
@@ -68,12 +68,12 @@ def random_process(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001 (
     return xp.stack([cosine * forward + sine * lateral, cosine * lateral - sine * forward], axis=-1)
 
 
-def _legs(uniforms: Array, drives_on: Array | float) -> tuple[Array, Array, Array]:
+def _legs(uniforms: Array, two: Array) -> tuple[Array, Array, Array]:
     """Return speed [m/s], negative backwards, and dwell [s] of the legs along an axis, and what is left of the first.
 
     Args:
       uniforms: uniform draws, shape B + (AXIS_UNIFORMS,).
-      drives_on: share of the axes whose legs are long, once they drive, shape B + (1,) or ().
+      two: whether the target moves along two axes, shape B + (1,).
 
     Returns:
       Shapes B + (LEGS,) twice, and B + (1,): the share of the first leg that is left when the path begins.
@@ -83,9 +83,11 @@ def _legs(uniforms: Array, drives_on: Array | float) -> tuple[Array, Array, Arra
     left, dwell, dwell_varies, speed, speed_varies, rest, keeps, long = habits
     own_dwell, own_speed, choice = (uniforms[..., _HABITS + at * LEGS :][..., :LEGS] for at in range(3))
     dwell = DWELL.draw(dwell + dwell_varies * (own_dwell - dwell))
-    speed = LEG_SPEED.draw(speed + speed_varies * (own_speed - speed))
+    drawn = speed + speed_varies * (own_speed - speed)
+    speed = xp.where(two, AXIS_SPEED.draw(drawn), LINE_SPEED.draw(drawn))
     rest = 0.9 * rest**1.57  # share of standing legs: 0.35 in the mean
-    dwell = xp.where((long < drives_on) & (choice >= rest), LONG_S + 0.0 * dwell, dwell)
+    drives_on = long < xp.where(two, STEADY, DRIVES_ON)
+    dwell = xp.where(drives_on & (choice >= rest), LONG_S + 0.0 * dwell, dwell)
     # One draw is whether a leg stands and, of a leg that drives, whether it keeps the side of the one before.
     changes = xp.cumulative_sum(xp.astype(choice - rest >= keeps * (1.0 - rest), xp.int32), axis=-1)
     speed = xp.where(choice < rest, 0.0 * speed, xp.where(changes % 2 == 0, speed, -speed))

@@ -177,12 +177,6 @@ def slow(observer: Observer, view: View) -> Array:
     return xp.concat((left, xp.tanh(2.0 * left), *speed, *others), axis=-1)
 
 
-def prediction_errors(_: Observer, view: View) -> Array:
-    """Return how far the target was from where it was expected: the latest error, and means."""
-    errors = view.memory.errors
-    return namespace(view.aim).concat([errors.latest[..., None], errors.means], axis=-1)
-
-
 def _coarse_and_fine(angle: Array) -> Array:
     xp = namespace(angle)
     return xp.concat([2.0 * angle, xp.tanh(_FINE / 3.0 * angle)], axis=-1)
@@ -204,7 +198,7 @@ OBSERVATIONS: Mapping[str, tuple[Block, ...]] = {
     "tracked": (error, aimed, distance, across, rest, *_SLEW, away, ages, clock, nearness, detection, bearings,
                 histories),
     "multimodel": (error, aimed, distance, nearness, rest, *_SLEW, ages, clock, speeds, detection, bearings,
-                   fine_bearings, distances, histories, models, slow, prediction_errors),
+                   fine_bearings, distances, histories, models, slow),
 }
 # fmt: on
 """Kind of observation → its blocks."""

@@ -23,7 +23,6 @@ from archerfish.task import Task
 from archerfish.tracking.interacting_models import ModelRates
 from archerfish.tracking.kalman_filter import TrackerNoise, noise_from_record
 from archerfish.tracking.legendre_memory import legendre_window
-from archerfish.tracking.prediction_errors import HORIZON_S
 from archerfish.tracking.side_by_side import Trackers
 
 FRAMES = 4
@@ -141,7 +140,7 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
     if len(names) != len(blocks):
         remedy = f"give {', '.join(names)}" if names else "leave them out"
         raise InputError(f"observation {kind} has {len(names)} blocks of a user's own, got {len(blocks)}; {remedy}")
-    trackers, windows, horizon = Trackers(), WINDOWS[:0], 0
+    trackers, windows = Trackers(), WINDOWS[:0]
     if facts.tracker is not None:
         fast = TrackerNoise(**structs.asdict(facts.tracker))
         if fast.height_angle is None:
@@ -150,13 +149,11 @@ def make_observer(facts: ObserverFacts, blocks: tuple[Any, ...] = ()) -> Observe
     if kind == "multimodel":
         slow = fast._replace(acceleration=SLOW_ACCELERATION)
         trackers, windows = Trackers(fast, slow, ModelRates(TURNS_PER_S)), WINDOWS
-        horizon = max(1, round(HORIZON_S / facts.period_s))
     muzzle = Muzzle(facts.speed, 0.0, np.array(facts.offset), np.zeros(2), facts.drag, facts.length)
     observer: Observer = Observer(
         blocks=(*OBSERVATIONS[kind], *(find_plugin(block, "block").value for block in blocks)),
         trackers=trackers,
         windows=tuple(legendre_window(order, length, facts.period_s) for order, length in windows),
-        horizon=horizon,
         frames=facts.frames,
         action_scale=np.array(facts.action_scale),
         largest_move=np.array(facts.largest_move),

@@ -22,7 +22,6 @@ from archerfish.protocols import Base, Command, Seen, aim, seen_ahead
 from archerfish.tracking.detections import azimuth_near, level_distance, unwrapped
 from archerfish.tracking.kalman_filter import against_pivot, position_after
 from archerfish.tracking.legendre_memory import Window, constant_history, with_sample
-from archerfish.tracking.prediction_errors import begin_errors, step_errors
 from archerfish.tracking.side_by_side import Trackers, Tracks
 
 DETECTIONS = 8
@@ -51,7 +50,6 @@ class Memory(NamedTuple):
     decisions: Decisions
     detections: Any  # DetectionMemory; None without trackers
     histories: tuple[Array, ...]  # Legendre coefficients, B + (d,) each
-    errors: Any  # PredictionErrors; None without
     gimbal_age: Array  # of the latest feedback [s], B
     base: Base  # now
     clock: Array  # since the first decision [s], B
@@ -104,14 +102,13 @@ Block = Callable[["Observer", View], Array]
 """A block of an observation: a function of the observer and the view that returns numbers, shape B + (k,)."""
 
 
-@tree(static=("blocks", "frames", "horizon"))
+@tree(static=("blocks", "frames"))
 class Observer:
     """How a policy sees and acts; the same in NumPy on a robot and inside a compiled training."""
 
     blocks: tuple[Block, ...]  # of the observation
     trackers: Trackers
     windows: tuple[Window, ...]  # of azimuth, distance, azimuth for long
-    horizon: int  # decisions from a prediction to its comparison; 0: predictions are not compared
     frames: int  # decisions that are remembered
     action_scale: Array  # offset from the aim per unit of action, pitch and yaw [rad], (2,)
     largest_move: Array  # of the command from one decision to the next, pitch and yaw [rad], (2,)
@@ -130,8 +127,7 @@ class Observer:
         decisions = repeated(self._decision(tracks, seen), self.frames)
         histories = tuple(map(constant_history, self.windows, _samples(detection)))
         detections = repeated(detection, DETECTIONS)
-        errors = begin_errors(*_level(tracks, seen.base), self.horizon) if self.horizon else None
-        return Memory(tracks, decisions, detections, histories, errors, seen.gimbal.age, seen.base, zero)
+        return Memory(tracks, decisions, detections, histories, seen.gimbal.age, seen.base, zero)
 
     def remember(self, memory: Memory, seen: Seen) -> Memory:
         """Update the memory with what is seen at a decision, the first one included; shape B."""
@@ -146,13 +142,10 @@ class Observer:
         decisions = map_arrays(pushed, memory.decisions, self._decision(tracks, seen))
         detections = map_arrays(pushed, memory.detections, detection)
         histories = tuple(map(with_sample, self.windows, memory.histories, _samples(detection)))
-        clock, errors = memory.clock + seen.elapsed, memory.errors
-        if self.horizon:
-            errors = step_errors(errors, *_level(tracks, seen.base), clock, seen.elapsed)
         # At the first decision, which `begin` has remembered already, nothing is added.
-        before = memory.decisions, memory.detections, memory.histories, memory.errors
-        kept = select(later, (decisions, detections, histories, errors), before)
-        return Memory(tracks, *kept, seen.gimbal.age, seen.base, clock)
+        before = memory.decisions, memory.detections, memory.histories
+        kept = select(later, (decisions, detections, histories), before)
+        return Memory(tracks, *kept, seen.gimbal.age, seen.base, memory.clock + seen.elapsed)
 
     def view(self, memory: Memory, seen: Seen | None = None) -> View:
         """Return the decision as the blocks need it, with what is seen at it for blocks of a user's own; shape B."""
@@ -213,12 +206,6 @@ class Observer:
             return None
         relative = tracks.place - tracks.own
         return DetectionMemory(azimuth_near(relative, azimuth), level_distance(relative))
-
-
-def _level(tracks: Tracks, base: Base) -> tuple[Array, Array]:
-    """Return place [m] and velocity [m/s] of the target now, against the own pivot on level ground, B + (2,) each."""
-    fast = against_pivot(tracks.fast, base, tracks.age)
-    return position_after(fast, tracks.age)[..., :2], fast.mean[..., 2:]
 
 
 def _samples(detection: DetectionMemory | None) -> tuple[Array, ...]:
