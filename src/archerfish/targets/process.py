@@ -48,7 +48,7 @@ def random_process(uniforms: Array, duration: Array) -> Array:  # noqa: ARG001 (
     two = axes < TWO_AXES
     first, second = (uniforms[..., _OWN + at * AXIS_UNIFORMS :][..., :AXIS_UNIFORMS] for at in range(2))
     lateral_speed, dwell, left = _legs(first, two)
-    forward_speed, forward_dwell, forward_left = _legs(second, axes >= 0.0)
+    forward_speed, forward_dwell, forward_left = _legs(second, two)
     # Of those with legs along one line, 60 % keep it, 20 % turn by up to 0.6 rad at each leg, 20 % steadily.
     turn = uniforms[..., _OWN + 2 * AXIS_UNIFORMS :][..., :LEGS]
     bend = 0.6 * xp.cumulative_sum(2.0 * turn - 1.0, axis=-1)
