@@ -19,8 +19,11 @@ than three policies or 100 engagements a cell.
 """
 
 import argparse
+import functools
 import itertools
+import multiprocessing
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,6 +37,8 @@ from bars import Bar, finish
 
 ROOT = Path(__file__).parents[1]
 TRACKERS = ("kalman", "kalman-lq", "imm-lq")
+WORKERS = 2
+"""Processes that evaluate side by side."""
 COLUMNS = ("less_imm", "less_best", "less_special")
 GOALS: dict[str, dict[str, tuple[float, float | None]]] = {  # group → column → least mean, least cell
     "known": {"less_imm": (6.2, -1.0)},
@@ -97,6 +102,26 @@ def rows_of(part: Part, controllers: dict[str, Any], robot: af.Robot, engagement
     return rows
 
 
+@functools.cache
+def contenders(folder: Path, seeds: int) -> tuple[af.Robot, dict[str, Any], dict[str, Any]]:
+    """Return the robot, the policies and trackers, and the policies trained for eq (7)."""
+    robot, task = af.Robot.load(ROOT / "tests" / "infantry"), af.Task.load("any")
+    trackers = {name: make_controller(name, robot, task, af.tune(name, robot, task)) for name in TRACKERS}
+    policies = {f"any-{seed}": af.Policy.load(folder / f"any-{seed}") for seed in range(seeds)}
+    special = {f"tracked-{seed}": af.Policy.load(folder / f"tracked-{seed}") for seed in range(seeds)}
+    return robot, policies | trackers, special
+
+
+def evaluated(job: tuple[int, Path, int, int, int]) -> list[Any]:
+    """Return the rows of a part."""
+    index, folder, seeds, engagements, seed = job
+    robot, controllers, special = contenders(folder, seeds)
+    part = list(parts(af.Task.load("any")))[index]
+    if part.group == "eq (7)":
+        controllers = controllers | special
+    return rows_of(part, controllers, robot, engagements, seed)
+
+
 def summary(rows: list[Any], name: str) -> tuple[Any, ...]:
     """Return a row of the table: mean rates, and mean and least difference."""
     rates = [float(np.mean([row[each] for row in rows])) for each in ("policy", *TRACKERS)]
@@ -129,16 +154,14 @@ def main() -> None:
     parser.add_argument("--engagements", type=int, default=150)
     parser.add_argument("--seed", type=int, default=0, help="of the engagements and the dispersion")
     options = parser.parse_args()
-    robot, task = af.Robot.load(ROOT / "tests" / "infantry"), af.Task.load("any")
-    trackers = {name: make_controller(name, robot, task, af.tune(name, robot, task)) for name in TRACKERS}
-    policies = {f"any-{seed}": af.Policy.load(options.folder / f"any-{seed}") for seed in range(options.seeds)}
-    special = {f"tracked-{seed}": af.Policy.load(options.folder / f"tracked-{seed}") for seed in range(options.seeds)}
+    contenders(options.folder, options.seeds)  # tuned once, before two processes would
+    count = len(list(parts(af.Task.load("any"))))
+    jobs = [(index, options.folder, options.seeds, options.engagements, options.seed) for index in range(count)]
     rows: list[Any] = []
-    for part in parts(task):
-        controllers = policies | trackers | (special if part.group == "eq (7)" else {})
-        found = rows_of(part, controllers, robot, options.engagements, options.seed)
-        rows += found
-        print(*summary(found, f"{part.group}: {found[0]['motion']}, {found[0]['length_s']:g} s"), flush=True)
+    with ProcessPoolExecutor(WORKERS, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for found in pool.map(evaluated, jobs):
+            rows += found
+            print(*summary(found, f"{found[0]['group']}: {found[0]['motion']}, {found[0]['length_s']:g} s"), flush=True)
     by_name: dict[str, list[Any]] = {}
     for row in rows:
         by_name.setdefault(f"{row['group']}: {row['motion']}, {row['length_s']:g} s", []).append(row)
